@@ -1,0 +1,163 @@
+"""The Kalman filters against filterpy and simdkalman: the same numbers, faster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from deck_motion_ros.bench.figures import alternated, compared, Figure
+from deck_motion_ros.estimators.kalman import (
+    filtered_runs,
+    gain_sequence,
+    predicted_output,
+    State,
+    step,
+)
+from deck_motion_ros.evaluation.experiments import simulate_runs
+from deck_motion_ros.processes import LI2014_HEAVE, LI2014_PITCH, LI2014_ROLL, ShapingFilter
+from deck_motion_ros.samples import Array
+
+DT, HORIZON = 0.1, 3.0  # s
+SD = 0.05  # deg, m: a real motion sensor's noise
+AXES = (LI2014_ROLL, LI2014_PITCH, LI2014_HEAVE)
+AGREEMENT = 1e-9
+
+
+def kalman(steps: int = 20_000, runs: int = 1000, run_steps: int = 600,
+           rounds: int = 9) -> Iterator[Figure]:
+    """
+    Measure one filter step by step, and many at once.
+
+    Parameters
+    ----------
+    steps : int
+        Of the single filter in a round; filterpy does a twentieth of them.
+    runs, run_steps : int
+        Size of the Monte Carlo, for each of three axes.
+    rounds : int
+        Of the single filter; the Monte Carlo has half as many.
+
+    Raises
+    ------
+    RuntimeError
+        If a peer computes anything else than we do.
+
+    """
+    rng = np.random.default_rng(1)
+    values = _measured(LI2014_PITCH, steps, 1, rng)[:, 0].tolist()
+    fewer = values[:max(steps // 20, 1)]
+    for name, ours, theirs in (
+            ('step', single_filter, filterpy_filter),
+            ('step_and_3s_prediction', single_filter_ahead, filterpy_filter_ahead)):
+        yield _against(name, 'filterpy', '>= 30', rounds, ours, values, theirs, fewer)
+    tables = [_measured(process, run_steps, runs, rng) for process in AXES]
+    yield _against('monte_carlo', 'simdkalman', '>= 50', rounds // 2 + 1,
+                   many_filters, tables, simdkalman_filters, tables)
+
+
+def _measured(process: ShapingFilter, steps: int, runs: int, rng: np.random.Generator) -> Array:
+    truth = simulate_runs(process, DT, steps, runs, rng)
+    return truth + SD * rng.normal(size=truth.shape)
+
+
+def _against(name: str, peer: str, goal: str, rounds: int, ours: Callable[[Any], Any], values: Any,
+             theirs: Callable[[Any], Any], fewer: Any) -> Figure:
+    """Compare two ways to the same answer, of which the peer's may be given fewer values."""
+    tasks = {ours: values}
+    try:
+        check(ours(fewer), theirs(fewer), peer)
+        tasks[theirs] = fewer
+    except ImportError:
+        peer += ' (not installed)'
+    times = alternated(rounds, *(lambda f=f, z=z: f(z) for f, z in tasks.items()))
+    rates = [np.divide(np.size(z), seconds).tolist()
+             for z, seconds in zip(tasks.values(), times, strict=True)]
+    return compared('kalman', name, 'steps/s', rates[0], peer, rates[1] if rates[1:] else [], goal)
+
+
+def check(ours: Any, theirs: Any, peer: str) -> None:
+    """Raise ``RuntimeError`` if two answers are not the same."""
+    difference = float(np.max(np.abs(np.subtract(ours, theirs))))
+    if not difference <= AGREEMENT * float(np.max(np.abs(theirs))):
+        raise RuntimeError(f'{peer} computes something else: difference {difference:g}')
+
+
+def single_filter(values: list[float]) -> State:
+    """Filter measurements of pitch one by one; the last estimate and its covariance."""
+    process, var = LI2014_PITCH, SD**2
+    transition, noise = process.step(DT)
+    state: State = (0.0, 0.0, *process.stationary)
+    for value in values:
+        state, _ = step(state, transition, noise, value, var)
+    return state
+
+
+def single_filter_ahead(values: list[float]) -> tuple[float, float]:
+    """Do as :func:`single_filter`, but predict 3 s ahead at each step; the last mean and variance."""
+    process, var = LI2014_PITCH, SD**2
+    transition, noise = process.step(DT)
+    far, far_noise = process.step(HORIZON)
+    state: State = (0.0, 0.0, *process.stationary)
+    for value in values:
+        state, _ = step(state, transition, noise, value, var)
+        ahead = predicted_output(state, far, far_noise)
+    return ahead
+
+
+def filterpy_filter(values: list[float]) -> State:
+    """Do as :func:`single_filter` with filterpy's ``KalmanFilter``."""
+    peer = _filterpy()
+    for value in values:
+        peer.predict()
+        peer.update(value)
+    return (*peer.x[:, 0], peer.P[0, 0], peer.P[0, 1], peer.P[1, 1])
+
+
+def filterpy_filter_ahead(values: list[float]) -> tuple[float, float]:
+    """Do as :func:`single_filter_ahead` with filterpy's ``KalmanFilter``."""
+    peer = _filterpy()
+    far, far_noise = _matrices(LI2014_PITCH, HORIZON)
+    for value in values:
+        peer.predict()
+        peer.update(value)
+        mean, cov = peer.get_prediction(F=far, Q=far_noise)
+    return (mean[0, 0], cov[0, 0])
+
+
+def _filterpy() -> Any:
+    peer = import_module('filterpy.kalman').KalmanFilter(dim_x=2, dim_z=1)
+    peer.F, peer.Q = _matrices(LI2014_PITCH, DT)
+    peer.H, peer.R, peer.P = np.array([[1.0, 0.0]]), np.array([[SD**2]]), _stationary(LI2014_PITCH)
+    return peer
+
+
+def many_filters(tables: list[Array]) -> list[Array]:
+    """Filter three axes' measurements, (steps, runs) each, and predict 3 s ahead."""
+    return [filtered_runs(process, DT, gain_sequence(process, DT, SD**2, len(values)), values,
+                          HORIZON)
+            for process, values in zip(AXES, tables, strict=True)]
+
+
+def simdkalman_filters(tables: list[Array]) -> list[Array]:
+    """Do as :func:`many_filters` with simdkalman, spared its smoother and covariances."""
+    kind = import_module('simdkalman').KalmanFilter
+    ahead = []
+    for process, values in zip(AXES, tables, strict=True):
+        peer = kind(*_matrices(process, DT), np.array([[1.0, 0.0]]), SD**2)
+        done = peer.compute(values.T, 0, np.zeros(2), _stationary(process), smoothed=False,
+                            filtered=True, covariances=False, observations=False)
+        ahead.append((done.filtered.states.mean @ process.transition(HORIZON)[:2]).T)
+    return ahead
+
+
+def _matrices(process: ShapingFilter, dt: float) -> tuple[Array, Array]:
+    transition, (q11, q12, q22) = process.step(dt)
+    return np.reshape(transition, (2, 2)), np.array([[q11, q12], [q12, q22]])
+
+
+def _stationary(process: ShapingFilter) -> Array:
+    p11, p12, p22 = process.stationary
+    return np.array([[p11, p12], [p12, p22]])

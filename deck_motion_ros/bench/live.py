@@ -1,0 +1,227 @@
+"""Live nodes in processes of their own: how late the predictor is, what the recorder takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import sin
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from time import monotonic, perf_counter, sleep
+from typing import Any
+
+import numpy as np
+
+from deck_motion_ros import messages
+from deck_motion_ros.bench.figures import compared, Figure
+from deck_motion_ros.geometry import quaternion_from_rpy
+from deck_motion_ros.samples import HeaveSample, ImuSample, NANOSECONDS
+from deck_motion_ros.topics import IMU, POINT
+
+PERIOD = 0.01  # s: 100 Hz
+FIRST_STAMP = 10**18  # ns
+PATIENCE = 30.0  # s that a node may take to start
+
+
+def ship_at(stamp: int) -> tuple[ImuSample, HeaveSample]:
+    """Give attitude and heave of a swinging ship at ``FIRST_STAMP + stamp`` (ns)."""
+    time = stamp / NANOSECONDS
+    attitude = quaternion_from_rpy(0.05 * sin(0.7 * time), 0.02 * sin(0.8 * time + 1.0), 0.0)
+    nothing = (0.0, 0.0, 0.0)
+    return (ImuSample(FIRST_STAMP + stamp, 'ship_base_link', attitude, nothing, nothing,
+                      (0.0, 0.0, 9.8)),
+            HeaveSample(FIRST_STAMP + stamp, 'ship_level', 1.5 * sin(0.6 * time)))
+
+
+def latency(phases: int = 40, per_phase: int = 30) -> Iterator[Figure]:
+    """
+    Measure the time from input to output of the live predictor, against an echo.
+
+    This process is the driver: 100 times a second it publishes ``ship/imu`` and ``ship/heave`` of
+    one stamp, and spins until ``touchdown/height`` is back. The clock runs from just before the
+    first of the two is published until the callback with the answer. Predictor and echo run all
+    the time, each in its process and namespace, and are driven in turn, a phase each, so that
+    both see the same machine; the first five messages of a phase wake the node and do not count.
+
+    Parameters
+    ----------
+    phases : int
+        Of each of the two.
+    per_phase : int
+        Messages in one, above 5.
+
+    """
+    place = f'/bench_{os.getpid()}'
+    with _node('deck_motion_ros.nodes.predictor', f'{place}/predictor', output_rate=1 / PERIOD), \
+            _node('deck_motion_ros.bench.echo', f'{place}/echo'), _driver() as driver:
+        rivals = [_Rival(driver, f'{place}/predictor'), _Rival(driver, f'{place}/echo')]
+        for rival in rivals:
+            _until(lambda: rival.time() is not None, 'a node did not answer')
+        times: list[list[list[float]]] = [[], []]
+        late = 0
+        for _ in range(phases):
+            for rival, phase_times in zip(rivals, times, strict=True):
+                answers = [rival.time() for _ in range(per_phase)][5:]
+                phase_times.append([answer for answer in answers if answer is not None])
+                late += answers.count(None)
+    ours, echo = ([1e3 * np.array(phase) for phase in rounds] for rounds in times)
+    yield compared('latency', 'median', 'ms', [float(np.median(phase)) for phase in ours],
+                   'echo', [float(np.median(phase)) for phase in echo], '<= 1.5')
+    yield compared('latency', 'p99', 'ms', [float(np.percentile(np.concatenate(ours), 99))],
+                   'echo', [float(np.percentile(np.concatenate(echo), 99))])
+    yield Figure('latency', 'later than 10 ms', late, 'messages')
+
+
+class _Rival:
+    """One of the two nodes, as the driver sees it."""
+
+    def __init__(self, driver: _Driver, place: str) -> None:
+        self._driver = driver
+        self._imu = driver.publisher(IMU, f'{place}/ship/imu')
+        self._heave = driver.publisher(POINT, f'{place}/ship/heave')
+        driver.subscribe(POINT, f'{place}/touchdown/height', self._answered)
+        self._stamp = 0
+        self._due = 0.0
+        self._answer: float | None = None
+
+    def _answered(self, msg: Any) -> None:
+        self._answer = perf_counter()
+
+    def time(self) -> float | None:
+        """Send the next stamp when it is due; return the seconds until the answer came."""
+        self._stamp += round(PERIOD * NANOSECONDS)
+        types, (attitude, heave) = self._driver.types, ship_at(self._stamp)
+        imu_msg = messages.imu_message(types, attitude)
+        heave_msg = messages.heave_message(types, heave)
+        self._due = max(self._due + PERIOD, perf_counter())
+        sleep(self._due - perf_counter() if self._due > perf_counter() else 0.0)
+        self._answer = None
+        start = perf_counter()
+        self._imu.publish(imu_msg)
+        self._heave.publish(heave_msg)
+        while self._answer is None and (left := start + PERIOD - perf_counter()) > 0:
+            self._driver.spin_once(left)
+        return None if self._answer is None else self._answer - start
+
+
+def recorder(rate: int = 3000, duration: float = 20.0) -> Iterator[Figure]:
+    """
+    Send the recorder Imu messages at a steady rate and count what is in its bag.
+
+    Parameters
+    ----------
+    rate : int
+        Messages per second.
+    duration : float
+        Seconds.
+
+    """
+    from deck_motion_ros.recording import BagReader
+
+    topic = f'/bench_{os.getpid()}/ship/imu'
+    number = round(rate * duration)
+    with TemporaryDirectory() as folder, _driver() as driver:
+        bag = Path(folder, 'bag')
+        with _node('deck_motion_ros.nodes.recorder', '/', output=bag, topics=[topic]) as process:
+            publisher = driver.publisher(IMU, topic, depth=5000)
+            _until(publisher.get_subscription_count, 'the recorder did not subscribe')
+            sleep(1.0)  # its start is not what is measured
+            msg = messages.imu_message(driver.types, ship_at(0)[0])
+            cpu, start = cpu_seconds(process.pid), perf_counter()
+            for k in range(number):
+                if k % 10 == 0:
+                    sleep(max(start + k / rate - perf_counter(), 0.0))
+                msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(
+                    FIRST_STAMP + k * NANOSECONDS // rate, NANOSECONDS)
+                publisher.publish(msg)
+            elapsed = perf_counter() - start
+            sleep(1.0)  # for what is on its way
+            cpu = cpu_seconds(process.pid) - cpu
+        counts = BagReader(bag).counts
+    yield Figure('recorder', 'lost', number - counts[topic], f'of {number} messages', goal='<= 0')
+    yield Figure('recorder', 'rate', number / elapsed, 'messages/s', goal=f'>= {0.99 * rate:g}')
+    yield Figure('recorder', 'cpu', 100 * cpu / elapsed, '% of a core')
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the CPU time that a process has used so far (s)."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+class _Driver:
+    """This process's own ROS node."""
+
+    def __init__(self) -> None:
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+
+        from deck_motion_ros.nodes.shell import RclTypes
+
+        self.types = RclTypes()
+        self._context = Context()
+        self._context.init()
+        self._node = Node('bench', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def publisher(self, kind: str, topic: str, depth: int = 100) -> Any:
+        from deck_motion_ros.nodes.shell import output_qos
+
+        return self._node.create_publisher(self.types[kind], topic, output_qos(depth))
+
+    def subscribe(self, kind: str, topic: str, callback: Callable[[Any], None]) -> None:
+        from deck_motion_ros.nodes.shell import output_qos
+
+        self._node.create_subscription(self.types[kind], topic, callback, output_qos())
+
+    def spin_once(self, timeout: float) -> None:
+        self._executor.spin_once(timeout)
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+@contextmanager
+def _driver() -> Iterator[_Driver]:
+    driver = _Driver()
+    try:
+        yield driver
+    finally:
+        driver.close()
+
+
+@contextmanager
+def _node(module: str, namespace: str, **params: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a node in a process and a session of its own, and end it with SIGINT."""
+    command = [sys.executable, '-c', f'from {module} import main; main()',
+               '--ros-args', '--log-level', 'WARN', '-r', f'__ns:={namespace}']
+    for name, value in params.items():
+        command += ['-p', f'{name}:={value}']
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                               start_new_session=True)
+    try:
+        yield process
+    finally:
+        for number in (signal.SIGINT, signal.SIGKILL):
+            if process.poll() is None:
+                os.killpg(process.pid, number)
+                try:
+                    process.wait(10.0)
+                except subprocess.TimeoutExpired:
+                    continue
+
+
+def _until(happened: Callable[[], object], complaint: str) -> None:
+    end = monotonic() + PATIENCE
+    while not happened():
+        if monotonic() > end:
+            raise RuntimeError(f'{complaint} within {PATIENCE:g} s')
+        sleep(PERIOD)

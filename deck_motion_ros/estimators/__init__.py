@@ -1,0 +1,1 @@
+"""Estimators: one verb, update(sample) -> estimate; no clock, no message, no file."""

@@ -1,0 +1,490 @@
+"""Li2014: a shaping-filter Kalman filter per axis, as printed or tuned on line to the ship."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from math import nan, radians, sqrt
+
+import numpy as np
+
+from deck_motion_ros.estimators.kalman import predicted, predicted_output, State, step
+from deck_motion_ros.processes import (
+    LI2014_HEAVE,
+    LI2014_PITCH,
+    LI2014_ROLL,
+    ShapingFilter,
+)
+from deck_motion_ros.samples import Array, MotionForecast
+
+RATE_WINDOW = 0.5  # s: a rate is the mean rate over this long, since the model has no other
+
+
+def in_radians(process: ShapingFilter) -> ShapingFilter:
+    """Turn a shaping filter of degrees into one of radians."""
+    return ShapingFilter(radians(process.gain), process.damping, process.stiffness,
+                         process.intensity)
+
+
+# roll, pitch (rad), heave (m)
+LI2014 = (in_radians(LI2014_ROLL), in_radians(LI2014_PITCH), LI2014_HEAVE)
+
+
+class AxisFilter:
+    """
+    The Kalman filter of one axis: a shaping filter about a mean level.
+
+    Parameters
+    ----------
+    process : ShapingFilter
+        Model of the motion about its mean.
+    mean : float
+        Level about which the axis moves.
+    excess_var : float
+        Motion that the model cannot have: part of every measurement's and forecast's variance.
+
+    Attributes
+    ----------
+    time : float
+        Of the newest measurement (s); NaN before the first.
+    state : tuple of 5 float
+        Estimate and covariance then.
+
+    """
+
+    __slots__ = ('process', 'mean', 'time', 'state', '_excess')
+
+    def __init__(self, process: ShapingFilter, mean: float = 0.0,
+                 excess_var: float = 0.0) -> None:
+        self.process = process
+        self.mean = mean
+        self.time = nan
+        self.state: State = (0.0, 0.0, *process.stationary)
+        self._excess = excess_var
+
+    def measure(self, time: float, value: float, var: float) -> float:
+        """
+        Use a measurement at ``time`` (s, not before the last one).
+
+        Returns
+        -------
+        float
+            The standardised innovation.
+
+        """
+        phi, noise = self.process.step(self.age(time))
+        self.time = time
+        self.state, innovation = step(self.state, phi, noise, value - self.mean,
+                                      var + self._excess)
+        return innovation
+
+    def age(self, time: float) -> float:
+        """Return the seconds since the newest measurement, 0 before the first."""
+        return time - self.time if self.time == self.time else 0.0
+
+    def deviation(self, ahead: float) -> tuple[float, float]:
+        """Predict the deviation from the mean: its mean and variance ``ahead`` seconds on."""
+        mean, var = predicted_output(self.state, *self.process.step(ahead))
+        return mean, var + self._excess
+
+    def mean_rate(self, ahead: float) -> tuple[float, float]:
+        """
+        Predict the mean rate over RATE_WINDOW around ``ahead`` seconds on: mean and variance.
+
+        The instantaneous rate of this model has no finite variance (Li2014 calls x2 the rate).
+        """
+        start = predicted(self.state, *self.process.step(max(ahead - RATE_WINDOW / 2, 0.0)))
+        phi, noise = self.process.step(RATE_WINDOW)
+        end, end_var = predicted_output(start, phi, noise)
+        cov = phi[0] * start[2] + phi[1] * start[3]
+        return ((end - start[0]) / RATE_WINDOW,
+                (start[2] + end_var - 2 * cov) / RATE_WINDOW**2)
+
+    def frozen(self) -> AxisFilter:
+        """Return a copy that keeps today's estimate."""
+        copy = AxisFilter(self.process, self.mean, self._excess)
+        copy.time, copy.state = self.time, self.state
+        return copy
+
+
+class Slots:
+    """
+    The recent past of one axis on a grid of SLOT seconds, gaps marked.
+
+    Uneven and gappy input of any rate becomes slot means; a slot without a sample stays empty.
+    """
+
+    SLOT = 0.25
+    WINDOW = 300.0
+    LAGS = np.arange(1, 33) * SLOT
+
+    def __init__(self) -> None:
+        self._slots: deque[tuple[int, float]] = deque()
+        self._index = -1
+        self._sum = 0.0
+        self._count = 0
+
+    def add(self, time: float, value: float) -> None:
+        """Take a sample at ``time`` (s, not before the last one)."""
+        index = int(time / self.SLOT)
+        if index != self._index:
+            self._close()
+            self._index = index
+        self._sum += value
+        self._count += 1
+
+    def _close(self) -> None:
+        if self._count:
+            self._slots.append((self._index, self._sum / self._count))
+            oldest = self._index - self.WINDOW / self.SLOT
+            while self._slots[0][0] < oldest:
+                self._slots.popleft()
+        self._sum, self._count = 0.0, 0
+
+    @property
+    def span(self) -> float:
+        """Seconds from the first slot to the last."""
+        return (self._slots[-1][0] - self._slots[0][0]) * self.SLOT if self._slots else 0.0
+
+    def autocovariance(self) -> tuple[float, float, Array, Array]:
+        """
+        Estimate mean, variance and autocovariance over the pairs of slots that have samples.
+
+        Returns
+        -------
+        mean, var : float
+            Over all slots with samples.
+        cov : ndarray, shape (32,)
+            Autocovariance at ``LAGS``; 0 where no pair of slots has that lag.
+        pairs : ndarray, shape (32,)
+            Number of pairs behind each.
+
+        """
+        table = np.array(self._slots)
+        index = table[:, 0].astype(int) - int(table[0, 0])
+        mean = float(table[:, 1].mean())
+        series, there = np.zeros(index[-1] + 1), np.zeros(index[-1] + 1)
+        series[index] = table[:, 1] - mean
+        there[index] = 1.0
+        sums, pairs = np.zeros(len(self.LAGS)), np.zeros(len(self.LAGS))
+        for k in range(1, min(len(self.LAGS), index[-1]) + 1):
+            sums[k - 1] = series[k:] @ series[:-k]
+            pairs[k - 1] = there[k:] @ there[:-k]
+        return mean, float(series @ series) / len(index), sums / np.maximum(pairs, 1.0), pairs
+
+
+# The shaping filters tried when an axis is tuned: unit variance, peak (rad/s), damping ratio.
+_PEAKS = np.geomspace(0.25, 3.0, 60)
+_DAMPING_RATIOS = (0.03, 0.05, 0.08, 0.12, 0.18, 0.25, 0.35, 0.5, 0.7)
+_CANDIDATES = [(float(peak), ratio) for peak in _PEAKS for ratio in _DAMPING_RATIOS]
+_CORRELATIONS = np.array([ShapingFilter.of_motion(1.0, peak, ratio).autocorrelation(Slots.LAGS)
+                          for peak, ratio in _CANDIDATES])
+
+
+def fit_shaping_filter(slots: Slots) -> tuple[ShapingFilter, float, float]:
+    """
+    Fit peak, damping and size of a shaping filter to the recent autocovariance.
+
+    Weighted least squares over lags of 0.25-8 s, which by Wiener and Khinchin is a fit to the
+    spectrum around its peak, and works with uneven and missing samples.
+
+    Returns
+    -------
+    process : ShapingFilter
+    mean : float
+        Level of the axis.
+    excess_var : float
+        Variance that the filter does not explain.
+
+    """
+    mean, var, cov, pairs = slots.autocovariance()
+    weights = np.where(pairs >= 3, pairs, 0.0)
+    weighted = _CORRELATIONS * weights
+    power = np.einsum('ij,ij->i', weighted, _CORRELATIONS)
+    sizes = np.clip(weighted @ cov / np.maximum(power, 1e-12), 0.02 * var, var)
+    misfit = sizes * (sizes * power - 2 * (weighted @ cov))
+    best = int(np.argmin(misfit))
+    size = max(float(sizes[best]), 1e-18)
+    return (ShapingFilter.of_motion(sqrt(size), *_CANDIDATES[best]), mean, max(var - size, 0.0))
+
+
+class ForecastScore:
+    """
+    How good one axis's forecasts have been, some horizons ahead, recent ones counting most.
+
+    A forecast is a filter's deviation d with variance P. Over those that came true this keeps
+    the slope of what came on d (1 for a right model, 0 for a useless one: then the mean is the
+    best forecast) and the ratio of the error of slope * d to its promise, the noise of what came
+    set aside.
+    """
+
+    HORIZONS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
+    SPACING = 0.5  # s between forecasts that are kept
+    HALF_LIFE = 120.0  # s
+    PRIOR = 10.0  # forecasts that the initial belief (slope 1, ratio 1) weighs
+
+    def __init__(self) -> None:
+        self._kept: deque[tuple[float, AxisFilter]] = deque()
+        n = len(self.HORIZONS)
+        self._slope_sums = np.zeros((2, n))  # of d * came / P and d * d / P
+        self._error_sums = np.zeros((3, n))  # of error^2 / P, noise / P, and their number
+        self.slopes = self.ratios = (1.0,) * (n + 1)  # at 0 and at the horizons
+
+    def compare(self, time: float, value: float, var: float) -> float | None:
+        """
+        Score the forecasts for ``time`` (s) with the value that came and its variance.
+
+        Returns
+        -------
+        float or None
+            The standardised error of the 3 s forecast, if there was one.
+
+        """
+        if not self.is_due(time):
+            return None
+        fade = 0.5 ** (self.SPACING / self.HALF_LIFE)
+        recent = None
+        for k, horizon in enumerate(self.HORIZONS):
+            kept = self._kept_at(time - horizon)
+            if kept is None:
+                continue
+            deviation, promised = kept.deviation(kept.age(time))
+            came = value - kept.mean
+            error = came - self.slopes[k + 1] * deviation
+            self._slope_sums[:, k] *= fade
+            # a surprise counts as one of 4 sd: else a calm that ends would be felt for minutes
+            scale = max(promised, (error / 4)**2)
+            self._slope_sums[:, k] += deviation * came / scale, deviation**2 / scale
+            self._error_sums[:, k] *= fade
+            self._error_sums[:, k] += error * error / scale, var / scale, 1.0
+            if horizon == 3.0:
+                recent = error / sqrt(promised * self.ratios[k + 1] + var)
+        both, own = self._slope_sums
+        slopes = np.clip((both + self.PRIOR) / (own + self.PRIOR), 0.0, 1.0)
+        self.slopes = (1.0, *slopes.tolist())
+        errors, noise, number = self._error_sums
+        # where the assumed noise explains all error, half of the error is still the forecast's
+        excess = np.maximum(errors - noise, 0.5 * errors)
+        self.ratios = (1.0, *((excess + self.PRIOR) / (number + self.PRIOR)).tolist())
+        return recent
+
+    def is_due(self, time: float) -> bool:
+        """Say whether the forecast made at ``time`` (s) is one to keep."""
+        return not self._kept or time - self._kept[-1][0] >= self.SPACING - 1e-9
+
+    def keep(self, time: float, state: AxisFilter) -> None:
+        """Keep the forecast made at ``time`` (s) until it has come true."""
+        if self.is_due(time):
+            self._kept.append((time, state.frozen()))
+            while time - self._kept[0][0] > self.HORIZONS[-1] + 2 * self.SPACING:
+                self._kept.popleft()
+
+    def _kept_at(self, time: float) -> AxisFilter | None:
+        for when, state in reversed(self._kept):
+            if when <= time + 1e-9:
+                return state if time - when < 2 * self.SPACING else None
+        return None
+
+
+class AxisOutlook:
+    """
+    What one axis can say of the future, frozen.
+
+    Parameters
+    ----------
+    state : AxisFilter
+        A copy that nobody changes any more.
+    slopes, ratios : tuple of float
+        At 0 and ForecastScore.HORIZONS.
+
+    """
+
+    __slots__ = ('_state', '_slopes', '_ratios')
+    _GRID = (0.0, *ForecastScore.HORIZONS)
+
+    def __init__(self, state: AxisFilter, slopes: tuple[float, ...],
+                 ratios: tuple[float, ...]) -> None:
+        self._state, self._slopes, self._ratios = state, slopes, ratios
+
+    def mean(self, time: float) -> float:
+        """Predict the axis at ``time`` (s)."""
+        ahead = self._state.age(time)
+        return self._state.mean + self._at(ahead, self._slopes) * self._state.deviation(ahead)[0]
+
+    def predict(self, time: float) -> tuple[float, float, float, float]:
+        """Predict value, its variance, mean rate and its variance at ``time`` (s)."""
+        ahead = self._state.age(time)
+        slope, ratio = self._at(ahead, self._slopes), self._at(ahead, self._ratios)
+        deviation, var = self._state.deviation(ahead)
+        rate, rate_var = self._state.mean_rate(ahead)
+        return self._state.mean + slope * deviation, var * ratio, slope * rate, rate_var * ratio
+
+    def _at(self, ahead: float, values: tuple[float, ...]) -> float:
+        k = bisect_right(self._GRID, ahead)
+        if k >= len(values):
+            return values[-1]
+        left, right = self._GRID[k - 1], self._GRID[k]
+        return values[k - 1] + (values[k] - values[k - 1]) * (ahead - left) / (right - left)
+
+
+class FixedAxis:
+    """One axis of Li2014 as published: a model that never changes."""
+
+    ones = (1.0,) * (len(ForecastScore.HORIZONS) + 1)
+
+    def __init__(self, process: ShapingFilter) -> None:
+        self._filter = AxisFilter(process)
+
+    def measure(self, time: float, value: float, var: float) -> None:
+        """Use a measurement at ``time`` (s)."""
+        self._filter.measure(time, value, var)
+
+    def outlook(self) -> AxisOutlook:
+        """Return what is known of the future now."""
+        return AxisOutlook(self._filter.frozen(), self.ones, self.ones)
+
+
+class TunedAxis:
+    """
+    One axis whose shaping filter follows the ship.
+
+    Every TUNE_EVERY seconds the filter is fitted anew to the last five minutes and started again
+    from the last minute's samples, so the change leaves no step. What the realised forecasts
+    teach (:class:`ForecastScore`) shrinks the forecast towards the mean and widens its variance.
+    """
+
+    TUNE_EVERY = 5.0
+    TUNE_FIRST = 20.0
+    REPLAY = 60.0
+
+    def __init__(self, prior: ShapingFilter) -> None:
+        self.filter = AxisFilter(prior)
+        self.score = ForecastScore()
+        self.slots = Slots()
+        self._recent: deque[tuple[float, float, float]] = deque()
+        self._due: float | None = None
+        self.last_error: tuple[float, float] | None = None
+
+    def measure(self, time: float, value: float, var: float) -> None:
+        """Use a measurement at ``time`` (s)."""
+        error = self.score.compare(time, value, var)
+        if error is not None:
+            self.last_error = (time, error)
+        self.slots.add(time, value)
+        if self._due is None:
+            self._due = time + self.TUNE_FIRST
+        if time >= self._due and self.slots.span >= self.TUNE_FIRST / 2:
+            self._due = time + self.TUNE_EVERY
+            self.filter = AxisFilter(*fit_shaping_filter(self.slots))
+            for item in self._recent:
+                self.filter.measure(*item)
+        self.filter.measure(time, value, var)
+        self.score.keep(time, self.filter)
+        if not self._recent or time - self._recent[-1][0] >= 0.9 * Slots.SLOT:
+            self._recent.append((time, value, var))
+            while time - self._recent[0][0] > self.REPLAY:
+                self._recent.popleft()
+
+    def outlook(self) -> AxisOutlook:
+        """Return what is known of the future now."""
+        return AxisOutlook(self.filter.frozen(), self.score.slopes, self.score.ratios)
+
+
+class Outlook:
+    """
+    What all axes together can say of the future, frozen.
+
+    Parameters
+    ----------
+    axes : tuple of 3 AxisOutlook
+        Roll, pitch (rad), heave (m).
+    correlation : ndarray, shape (3, 3)
+        Of their forecast errors.
+
+    """
+
+    __slots__ = ('_axes', '_correlation')
+
+    def __init__(self, axes: tuple[AxisOutlook, ...], correlation: Array) -> None:
+        self._axes, self._correlation = axes, correlation
+
+    def mean(self, time: float) -> tuple[float, float, float]:
+        """Predict roll, pitch (rad) and heave (m) at ``time`` (s), the mean alone."""
+        roll, pitch, heave = self._axes
+        return roll.mean(time), pitch.mean(time), heave.mean(time)
+
+    def forecast(self, time: float, horizons: Array) -> MotionForecast:
+        """
+        Predict the motion ``horizons`` seconds (shape (n,)) after ``time`` (s).
+
+        An axis that never came is predicted at rest, with the model's own spread.
+        """
+        table = np.array([[axis.predict(time + ahead) for axis in self._axes]
+                          for ahead in horizons.tolist()])
+        return MotionForecast(
+            horizons, table[..., 0], _joined(table[..., 1], self._correlation),
+            table[..., 2], _joined(table[..., 3], self._correlation))
+
+
+class ShapingPredictor:
+    """
+    Roll, pitch and heave, each by its own filter, joined by what their errors have in common.
+
+    Parameters
+    ----------
+    tuned : bool
+        Follow the ship (:class:`TunedAxis`), or keep Li2014's models.
+
+    """
+
+    CORRELATION_PRIOR = 30.0  # error triples that "uncorrelated" weighs
+
+    def __init__(self, tuned: bool = True) -> None:
+        self.axes: tuple[TunedAxis, ...] | tuple[FixedAxis, ...] = tuple(
+            map(TunedAxis if tuned else FixedAxis, LI2014))
+        self._joint = np.zeros((3, 3))
+        self._joint_time = nan
+        self._correlation: Array = np.eye(3)
+
+    def measure(self, axis: int, time: float, value: float, var: float) -> None:
+        """
+        Use a measurement.
+
+        Parameters
+        ----------
+        axis : int
+            ROLL, PITCH or HEAVE.
+        time : float
+            Seconds, not before the axis's last one.
+        value, var : float
+            Radians or metres, and the variance of its error.
+
+        """
+        self.axes[axis].measure(time, value, var)
+        self._learn_correlation()
+
+    def _learn_correlation(self) -> None:
+        errors = [axis.last_error for axis in self.axes if isinstance(axis, TunedAxis)]
+        recent = [error for error in errors if error is not None]
+        if len(recent) < 3:
+            return
+        times = [time for time, _ in recent]
+        if max(times) == self._joint_time or max(times) - min(times) > ForecastScore.SPACING / 2:
+            return
+        self._joint_time = max(times)
+        vec = np.clip([error for _, error in recent], -5.0, 5.0)
+        self._joint *= 0.5 ** (ForecastScore.SPACING / ForecastScore.HALF_LIFE)
+        self._joint += np.outer(vec, vec)
+        mat = self._joint + np.eye(3) * self.CORRELATION_PRIOR
+        sd = np.sqrt(np.diag(mat))
+        self._correlation = mat / np.outer(sd, sd)
+
+    def outlook(self) -> Outlook:
+        """Return what is known of the future now."""
+        return Outlook(tuple(axis.outlook() for axis in self.axes), self._correlation)
+
+
+def _joined(var: Array, correlation: Array) -> Array:
+    """Make covariances (n, 3, 3) of variances (n, 3) and one correlation (3, 3)."""
+    sd = np.sqrt(var)
+    return np.asarray(sd[:, :, None] * correlation * sd[:, None, :])

@@ -1,0 +1,1 @@
+"""How good it was: metrics, the papers' experiments, the report."""

@@ -1,0 +1,128 @@
+"""The simulator node: a ship's sensors and her true motion, by the clock or as fast as it goes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+from deck_motion_ros import messages
+from deck_motion_ros.nodes.shell import (
+    configuration,
+    DiagnosticsPublisher,
+    output_qos,
+    overridable,
+    RclTypes,
+    run,
+    Stop,
+)
+from deck_motion_ros.pipelines import OK, settings, Status, WARN
+from deck_motion_ros.samples import NANOSECONDS
+from deck_motion_ros.simulation.simulator import Event, ShipSimulator, SimulatorConfig
+from deck_motion_ros.topics import outputs
+
+BURST = 60  # messages at most in one callback when catching up
+FAST_START = NANOSECONDS  # first stamp as fast as possible: every run alike, and not 0
+
+
+class SimulatorNode(Node):
+    """
+    Publish what :class:`deck_motion_ros.simulation.simulator.ShipSimulator` gives.
+
+    In real time a sample is published when the node's clock reaches it: at start + k / rate, so
+    that nothing drifts; after a hold-up it catches up in bounded bursts. Otherwise ``/clock`` goes
+    ahead of each sample, ``fast_rate`` samples a second: nothing tells a publisher what a slow
+    reader has lost.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__('simulator', **kwargs)
+        self._config = config = configuration(self, SimulatorConfig)
+        self._types = RclTypes()
+        self._builders = {'ship/imu': messages.imu_message, 'ship/heave': messages.heave_message,
+                          'ship/truth': messages.odometry_message}
+        self._outputs = {
+            topic.name: self.create_publisher(
+                self._types[topic.type], topic.name, output_qos(),
+                qos_overriding_options=overridable())
+            for topic in outputs('simulator')}
+        self._ahead = None if config.realtime else self.create_publisher(
+            ClockMessage, '/clock', output_qos())
+        self._events: Iterator[Event] | None = None
+        self._next: Event | None = None
+        self._counts: Counter[str] = Counter()
+        self._diagnostics = DiagnosticsPublisher(self, self._report)
+        self._alarm = self.create_timer(
+            0.01, self._follow_clock) if config.realtime else self.create_timer(
+            1 / config.fast_rate, self._lead_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _begun(self) -> bool:
+        """Begin once the clock runs and the subscribers are there."""
+        if self._events is None:
+            now = self.get_clock().now().nanoseconds if self._config.realtime else FAST_START
+            readers = self._outputs['ship/imu'].get_subscription_count()
+            if now == 0 or readers < self._config.subscribers:
+                return False
+            self._events = iter(ShipSimulator(self._config, now))
+            self._next = next(self._events, None)
+        return True
+
+    def _follow_clock(self) -> None:
+        if self._begun():
+            now = self.get_clock().now().nanoseconds
+            for _ in range(BURST):
+                if self._upcoming().time > now:
+                    break
+                self._publish()
+            ahead = self._next.time - self.get_clock().now().nanoseconds if self._next else 0
+            self._alarm.timer_period_ns = max(ahead, 0)
+            self._alarm.reset()
+
+    def _lead_clock(self) -> None:
+        if self._begun():
+            now = self._upcoming().time
+            self._ahead.publish(ClockMessage(clock=Time(nanoseconds=now).to_msg()))
+            while self._next is not None and self._next.time == now:
+                self._publish()
+
+    def _upcoming(self) -> Event:
+        if self._next is None:
+            self._alarm.cancel()
+            for publisher in self._outputs.values():
+                publisher.wait_for_all_acked(Duration(seconds=1))
+            raise Stop(f"{self._counts['ship/truth']} samples published")
+        return self._next
+
+    def _publish(self) -> None:
+        _, topic, sample = self._next
+        self._outputs[topic].publish(self._builders[topic](self._types, sample))
+        self._counts[topic] += 1
+        self._next = next(self._events, None)
+
+    def _report(self) -> list[Status]:
+        values = {f'published {topic}': str(count) for topic, count in self._counts.items()}
+        level, text = OK, 'publishing'
+        if self._events is None:
+            level, text = WARN, 'waiting for the clock or for subscribers'
+        elif self._config.realtime and self._next is not None:
+            behind = self.get_clock().now().nanoseconds - self._next.time
+            if behind > NANOSECONDS:
+                level, text = WARN, f'{behind / NANOSECONDS:.1f} s behind: the rate is too high'
+        return [('simulator: output', level, text, values),
+                ('simulator: settings', OK, self._config.scenario, settings(self._config))]
+
+
+def main() -> None:
+    """Run the node."""
+    run(SimulatorNode)
+
+
+if __name__ == '__main__':
+    main()
