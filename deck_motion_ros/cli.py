@@ -93,6 +93,13 @@ def parser() -> argparse.ArgumentParser:
     sub.add_argument('bag', type=Path, metavar='BAG')
     sub.add_argument('-o', '--output', type=Path, default=Path('report.html'), metavar='FILE',
                      help='page to write (default report.html)')
+    sub.add_argument('--lever-arm', type=float, nargs=3, metavar=('X', 'Y', 'Z'),
+                     help='touchdown point from the sensor, metres forward, left, up '
+                     "(default: what the bag's predictor had)")
+    sub.add_argument('--warm-up', type=float, metavar='S',
+                     help='seconds at the start that are not scored (default: 120, or 20 of a '
+                     'record below 5 minutes)')
+    sub.add_argument('--namespace', metavar='NS', help='of the ship, if the bag holds several')
 
     sub = command('papers', _papers, "run the papers' experiments beside their figures")
     sub.add_argument('keys', nargs='*', metavar='KEY', help='which papers (default: all)')
@@ -144,7 +151,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 def _import(arguments: argparse.Namespace) -> int:
     from deck_motion_ros.importers import import_file
 
-    console.print(import_file(arguments.file, arguments.out_bag, arguments.time_column),
+    console.print(str(import_file(arguments.file, arguments.out_bag, arguments.time_column)),
                   markup=False)
     return 0
 
@@ -159,8 +166,12 @@ def _recover(arguments: argparse.Namespace) -> int:
 def _report(arguments: argparse.Namespace) -> int:
     from deck_motion_ros.evaluation.report import write_report
 
+    lever_arm = arguments.lever_arm and tuple(arguments.lever_arm)
     with console.status('drawing'):
-        write_report(arguments.bag, arguments.output)
+        headline = write_report(arguments.bag, arguments.output, lever_arm=lever_arm,
+                                warm_up=arguments.warm_up, namespace=arguments.namespace)
+    for sentence in headline:
+        console.print(sentence, markup=False)
     console.print(f'{arguments.output}')
     return 0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from math import nan, radians, sqrt
+from math import floor, inf, nan, radians, sqrt
 
 import numpy as np
 
@@ -126,7 +126,7 @@ class Slots:
 
     def add(self, time: float, value: float) -> None:
         """Take a sample at ``time`` (s, not before the last one)."""
-        index = int(time / self.SLOT)
+        index = floor(time / self.SLOT)
         if index != self._index:
             self._close()
             self._index = index
@@ -146,6 +146,13 @@ class Slots:
         """Seconds from the first slot to the last."""
         return (self._slots[-1][0] - self._slots[0][0]) * self.SLOT if self._slots else 0.0
 
+    def moments(self) -> tuple[float, float]:
+        """Return mean and variance over the slots with samples, 0 without any."""
+        if not self._slots:
+            return 0.0, 0.0
+        values = np.array([value for _, value in self._slots])
+        return float(values.mean()), float(values.var())
+
     def autocovariance(self) -> tuple[float, float, Array, Array]:
         """
         Estimate mean, variance and autocovariance over the pairs of slots that have samples.
@@ -162,7 +169,7 @@ class Slots:
         """
         table = np.array(self._slots)
         index = table[:, 0].astype(int) - int(table[0, 0])
-        mean = float(table[:, 1].mean())
+        mean, var = self.moments()
         series, there = np.zeros(index[-1] + 1), np.zeros(index[-1] + 1)
         series[index] = table[:, 1] - mean
         there[index] = 1.0
@@ -170,7 +177,7 @@ class Slots:
         for k in range(1, min(len(self.LAGS), index[-1]) + 1):
             sums[k - 1] = series[k:] @ series[:-k]
             pairs[k - 1] = there[k:] @ there[:-k]
-        return mean, float(series @ series) / len(index), sums / np.maximum(pairs, 1.0), pairs
+        return mean, var, sums / np.maximum(pairs, 1.0), pairs
 
 
 # The shaping filters tried when an axis is tuned: unit variance, peak (rad/s), damping ratio.
@@ -206,6 +213,25 @@ def fit_shaping_filter(slots: Slots) -> tuple[ShapingFilter, float, float]:
     best = int(np.argmin(misfit))
     size = max(float(sizes[best]), 1e-18)
     return (ShapingFilter.of_motion(sqrt(size), *_CANDIDATES[best]), mean, max(var - size, 0.0))
+
+
+def early_mean(slots: Slots, prior_sd: float, independent_after: float = 8.0) -> float:
+    """
+    Estimate the level of an axis from a few seconds, drawn to 0 as far as they cannot tell.
+
+    Parameters
+    ----------
+    slots : Slots
+        What came so far.
+    prior_sd : float
+        How far from 0 the level may be.
+    independent_after : float
+        Seconds after which the motion says something new about its mean.
+
+    """
+    mean, var = slots.moments()
+    prior_var = prior_sd * prior_sd
+    return mean * prior_var / (prior_var + var * independent_after / max(slots.span, slots.SLOT))
 
 
 class ForecastScore:
@@ -263,7 +289,8 @@ class ForecastScore:
         slopes = np.clip((both + self.PRIOR) / (own + self.PRIOR), 0.0, 1.0)
         self.slopes = (1.0, *slopes.tolist())
         errors, noise, number = self._error_sums
-        # where the assumed noise explains all error, half of the error is still the forecast's
+        if errors[0] < noise[0]:  # a sensor that bad could not confirm the forecasts so well
+            noise = np.zeros_like(errors)
         excess = np.maximum(errors - noise, 0.5 * errors)
         self.ratios = (1.0, *((excess + self.PRIOR) / (number + self.PRIOR)).tolist())
         return recent
@@ -349,20 +376,23 @@ class TunedAxis:
     One axis whose shaping filter follows the ship.
 
     Every TUNE_EVERY seconds the filter is fitted anew to the last five minutes and started again
-    from the last minute's samples, so the change leaves no step. What the realised forecasts
-    teach (:class:`ForecastScore`) shrinks the forecast towards the mean and widens its variance.
+    from the last minute's samples, so the change leaves no step. Before the first fit the prior
+    filter moves about what is known of the mean. What the realised forecasts teach
+    (:class:`ForecastScore`) shrinks the forecast towards the mean and scales its variance.
     """
 
     TUNE_EVERY = 5.0
     TUNE_FIRST = 20.0
+    CENTRE_EVERY = 2.0
     REPLAY = 60.0
 
     def __init__(self, prior: ShapingFilter) -> None:
+        self._prior = prior
         self.filter = AxisFilter(prior)
         self.score = ForecastScore()
         self.slots = Slots()
         self._recent: deque[tuple[float, float, float]] = deque()
-        self._due: float | None = None
+        self._due = -inf
         self.last_error: tuple[float, float] | None = None
 
     def measure(self, time: float, value: float, var: float) -> None:
@@ -371,11 +401,8 @@ class TunedAxis:
         if error is not None:
             self.last_error = (time, error)
         self.slots.add(time, value)
-        if self._due is None:
-            self._due = time + self.TUNE_FIRST
-        if time >= self._due and self.slots.span >= self.TUNE_FIRST / 2:
-            self._due = time + self.TUNE_EVERY
-            self.filter = AxisFilter(*fit_shaping_filter(self.slots))
+        if time >= self._due:
+            self._tune(time)
             for item in self._recent:
                 self.filter.measure(*item)
         self.filter.measure(time, value, var)
@@ -384,6 +411,14 @@ class TunedAxis:
             self._recent.append((time, value, var))
             while time - self._recent[0][0] > self.REPLAY:
                 self._recent.popleft()
+
+    def _tune(self, time: float) -> None:
+        if self.slots.span >= self.TUNE_FIRST:
+            self._due = time + self.TUNE_EVERY
+            self.filter = AxisFilter(*fit_shaping_filter(self.slots))
+        else:
+            self._due = time + self.CENTRE_EVERY
+            self.filter = AxisFilter(self._prior, early_mean(self.slots, self._prior.sd / 2))
 
     def outlook(self) -> AxisOutlook:
         """Return what is known of the future now."""
