@@ -22,13 +22,15 @@ Rest
 Rooms, each looking only down
     nodes, cli, demo, bench
         the roof: the only rooms that know ROS (``nodes``) or a terminal
-    evaluation
-        metrics, the papers' experiments, the report
-    scenarios, recording, importers, pipelines, params_file
-        frozen experiments; bags in and out; recorded logs; message in, messages out
+    evaluation, documentation
+        metrics, the papers' experiments, the report; the document of topics and parameters
+    importers, replaying
+        recorded logs into bags; a bag through a pipeline
+    scenarios, recording, pipelines, params_file
+        frozen experiments; bags in and out; message in, messages out; parameter files
     estimators, simulation, messages
         pure siblings that do not know each other
-    samples, geometry, processes, config, topics, streams
+    streams, processes, geometry, config, topics, names, samples
         the ground floor: numpy and scipy only
 """
 

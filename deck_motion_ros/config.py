@@ -65,7 +65,7 @@ class Parameter:
     def _element_type(self) -> type:
         return type(self.default[0]) if self.default else str
 
-    def _scalar(self, kind: type, value: Any) -> Any:
+    def _scalar(self, kind: Any, value: Any) -> Any:
         wrong = ValueError(f"parameter '{self.name}' must be {_WORD[kind]}, not {value!r}")
         if kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value) if abs(value) < 2**1000 else math.inf

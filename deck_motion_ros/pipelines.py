@@ -29,6 +29,11 @@ class PredictorPipeline:
     warn : callable
         Takes each warning, once.
 
+    Attributes
+    ----------
+    accepted : Counter
+        Messages used, by topic.
+
     """
 
     node = 'predictor'
@@ -47,7 +52,7 @@ class PredictorPipeline:
         frames = {'ship/imu': config.ship_base_link_frame}
         self._frames = {topic: frames.get(topic, config.ship_level_frame)
                         for topic in self._converters}
-        self._accepted: Counter[str] = Counter()
+        self.accepted: Counter[str] = Counter()
         self._rejected: Counter[str] = Counter()
         self._odd: Counter[str] = Counter()
         self._outputs = 0
@@ -64,7 +69,7 @@ class PredictorPipeline:
         except Rejected as rejection:
             self._count(self._rejected, f'{topic}: {rejection.reason}', 'rejected')
             return
-        self._accepted[topic] += 1
+        self.accepted[topic] += 1
         if sample.frame_id != self._frames[topic]:
             self._count(self._odd, f'{topic}: unexpected frame_id', f'used; it is '
                         f"'{sample.frame_id}' where '{self._frames[topic]}' is expected")
@@ -86,14 +91,9 @@ class PredictorPipeline:
         if counter[key] == 1:
             self._warn(f'{key} ({what}; counted from here on)')
 
-    @property
-    def newest(self) -> int | None:
-        """The newest stamp used (ns)."""
-        return self._predictor.newest
-
     def diagnostics(self) -> list[Status]:
         """Report input and settings as (name, level, message, values)."""
-        silent = [topic.name for topic in inputs(self.node) if not self._accepted[topic.name]]
+        silent = [topic.name for topic in inputs(self.node) if not self.accepted[topic.name]]
         waiting = 'ship/odometry' in silent and len(silent) == 3
         level, text = OK, 'predicting'
         if waiting:
@@ -101,7 +101,7 @@ class PredictorPipeline:
         elif self._rejected:
             text = f'predicting, {sum(self._rejected.values())} messages rejected'
         values = {'outputs': str(self._outputs), 'restarts': str(self._predictor.restarts)}
-        for word, counter in (('accepted', self._accepted), ('rejected', self._rejected),
+        for word, counter in (('accepted', self.accepted), ('rejected', self._rejected),
                               ('odd', self._odd)):
             values |= {f'{word} {key}': str(count) for key, count in sorted(counter.items())}
         return [(f'{self.node}: input', level, text, values),

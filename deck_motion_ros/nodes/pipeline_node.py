@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,7 @@ from deck_motion_ros.nodes.shell import (
     RclTypes,
     sensor_qos,
 )
-from deck_motion_ros.pipelines import PIPELINES, Status
+from deck_motion_ros.pipelines import PIPELINES, Status, WARN
 from deck_motion_ros.topics import inputs, outputs
 
 
@@ -47,7 +48,8 @@ class PipelineNode(Node):
             self.create_subscription(types[topic.type], topic.name,
                                      partial(self._on_message, topic.name), sensor_qos(),
                                      qos_overriding_options=overridable())
-        self._newest_reported: int | None = None
+        self._counted: Counter[str] = Counter()
+        self._quiet: Counter[str] = Counter()  # reports in a row without a new message
         self._diagnostics = DiagnosticsPublisher(self, self._report)
 
     def _on_message(self, topic: str, msg: Any) -> None:
@@ -55,10 +57,12 @@ class PipelineNode(Node):
             self._publishers_by_topic[out_topic].publish(out_msg)
 
     def _report(self) -> list[Status]:
-        statuses = self.pipeline.diagnostics()
-        newest = self.pipeline.newest
-        if newest is not None and newest == self._newest_reported:
+        accepted, statuses = self.pipeline.accepted, self.pipeline.diagnostics()
+        for topic, count in accepted.items():
+            self._quiet[topic] = self._quiet[topic] + 1 if count == self._counted[topic] else 0
+        self._counted = accepted.copy()
+        silent = [topic for topic, reports in self._quiet.items() if reports > 1]  # 1 Hz is not
+        if silent:
             name, _, _, values = statuses[0]
-            statuses[0] = (name, 1, 'input silent for a second or more', values)
-        self._newest_reported = newest
+            statuses[0] = (name, WARN, f"{', '.join(silent)} silent for 2 s or more", values)
         return statuses

@@ -24,7 +24,7 @@ from deck_motion_ros.samples import NANOSECONDS
 
 
 class Polled(MutuallyExclusiveCallbackGroup):
-    """Subscriptions the executor does not wait for: waking costs 20 times what a message does."""
+    """Subscriptions that the executor does not wait for: waking up costs more than a message."""
 
     def can_execute(self, entity: object) -> bool:
         """Leave subscriptions out."""

@@ -128,7 +128,7 @@ class RecorderNode(Node):
             + (f', {missing} missing' if missing else ''))
         super().destroy_node()
         if writer.error is not told:
-            raise SystemExit(f'error: {writer.error}')
+            raise Stop(f'error: {writer.error}', status=1)
 
 
 def main():

@@ -39,39 +39,42 @@ def run(node_class: Callable[[], Node], args: list[str] | None = None) -> None:
     """
     Run one node until SIGINT, SIGTERM or its own :class:`Stop`, then end the process.
 
-    Status 0 after a clean end, 2 after wrong parameters (one line says which).
+    Status 0 after a clean end, 2 after wrong parameters (one line says which). A signal never
+    breaks into a callback: the node ends between two.
     """
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
+        signal.signal(number, lambda number, frame: ended.append(number))
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     node, status = None, 0
     try:
         node = node_class()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while not ended:
+            executor.spin_once(timeout_sec=0.1)
+    except ExternalShutdownException:
         pass
     except Stop as stop:
-        status = stop.status
-        if str(stop):
-            print(stop, file=sys.stderr if status else sys.stdout)
+        status = _said(stop)
     except ValueError as error:
         if node is not None:
             raise
-        print(f'error: {error}', file=sys.stderr)
-        status = 2
+        status = _said(Stop(f'error: {error}', 2))
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-        if node is not None:
-            node.destroy_node()
+        try:
+            if node is not None:
+                node.destroy_node()
+        except Stop as stop:
+            status = _said(stop)
         rclpy.try_shutdown()
     sys.exit(status)
 
 
-def _interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
+def _said(stop: Stop) -> int:
+    if str(stop):
+        print(stop, file=sys.stderr if stop.status else sys.stdout, flush=True)
+    return stop.status
 
 
 def configuration(node: Node, kind: type[T]) -> T:

@@ -97,3 +97,6 @@ class BackgroundWriter:
             self._bag.close()
         except BagError as error:
             self.error = error
+        except Exception as error:  # a recording must not end in silence
+            self._bag.discard()
+            self.error = BagError(f'{self._bag.folder}: {type(error).__name__}: {error}')

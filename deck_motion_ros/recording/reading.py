@@ -9,7 +9,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2 import Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores, TypesysError
 from rosbags.typesys.store import Typestore
@@ -228,7 +228,7 @@ class BagReader:
                         tuple(getattr(connection.ext, 'offered_qos_profiles', ())))
                     info.counts[connection.topic] += connection.msgcount
                 info.start, info.end = reader.start_time, reader.end_time - 1
-        except (ReaderError, OSError, ValueError) as error:
+        except Exception as error:  # there are many kinds of foreign files
             raise BagError(f'{self.path}: cannot be read: {error}') from None
         return info
 
@@ -237,7 +237,7 @@ class BagReader:
             with Reader(self.path) as reader:
                 for connection, log_time, data in reader.messages():
                     yield log_time, 0, connection.topic, log_time, data
-        except (ReaderError, OSError) as error:
+        except Exception as error:
             raise BagError(f'{self.path}: cannot be read: {error}') from None
 
 

@@ -16,6 +16,7 @@ from deck_motion_ros.recording.definitions import BagError, BagTopic, describe
 from deck_motion_ros.recording.metadata import (
     describe_bag,
     FileInfo,
+    NEVER,
     qos_text,
     to_yaml,
     write_metadata,
@@ -232,14 +233,15 @@ class BagWriter:
             CDR.
 
         """
-        if log_time < 0:
-            raise BagError(f'{self.folder}: a message of {topic} has a time before 1970')
+        sent = log_time if publish_time is None else publish_time
+        if not (0 <= log_time < NEVER and 0 <= sent < NEVER):
+            raise BagError(f'{self.folder}: a message of {topic} has a time before 1970 '
+                           f'or after 2262: {log_time} ns')
         try:
             if self._is_full(log_time):
                 self._finish_file()
                 self._file = self._next_file()
-            self._open_file().write(topic, log_time, data,
-                                    log_time if publish_time is None else publish_time)
+            self._open_file().write(topic, log_time, data, sent)
         except OSError as error:
             raise self._failed(error) from None
         self.counts[topic] += 1

@@ -24,6 +24,7 @@ from sensor_msgs.msg import Imu  # noqa: E402
 from std_msgs.msg import Float64MultiArray, String  # noqa: E402
 
 from deck_motion_ros.nodes.player import PlayerNode  # noqa: E402
+from deck_motion_ros.nodes.raw_topics import stored_qos  # noqa: E402
 from deck_motion_ros.nodes.recorder import RecorderNode  # noqa: E402
 from deck_motion_ros.nodes.shell import Stop  # noqa: E402
 from deck_motion_ros.recording import BagReader, BagWriter, recover  # noqa: E402
@@ -230,7 +231,6 @@ def test_wrong_parameters_of_the_recorder(tmp_path, add, parameters, words):
 
 @pytest.mark.parametrize('offered', [RELIABLE, BEST_EFFORT])
 def test_not_even_the_first_message_is_lost(tmp_path, add, ship, executor, spin_until, offered):
-    from deck_motion_ros.nodes.raw_topics import stored_qos
     bag = write_bag(tmp_path / 'bag', 50, ('/a', '/b'), qos=[stored_qos(offered)])
     add(PlayerNode, bag=str(bag), rate=10.0, wait_for_subscribers=['a', 'b'])
     executor.spin_once(timeout_sec=0)  # it waits

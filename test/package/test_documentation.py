@@ -1,5 +1,7 @@
 """The interface document against the tables it is made from."""
 
+import re
+
 from deck_motion_ros.config import parameters
 from deck_motion_ros.documentation import CONFIGS, interfaces
 from deck_motion_ros.topics import TOPICS
@@ -35,3 +37,18 @@ def test_every_parameter_has_meaning_and_valid_default():
         for rule in parameters(kind).values():
             assert rule.meaning, rule.name
             rule.check(rule.default)
+
+
+def test_links_in_documents_lead_somewhere(project):
+    documents = [path for folder in ('.', 'doc', 'doc/decisions', 'bags')
+                 for path in (project / folder).glob('*.md')]
+    assert len(documents) > 5
+    for path in documents:
+        for link in re.findall(r'\]\(([^)#:]+)\)', path.read_text(encoding='utf-8')):
+            assert (path.parent / link).exists(), f'{path}: {link}'
+
+
+def test_every_decision_is_listed(project):
+    folder = project / 'doc/decisions'
+    listed = re.findall(r'\((\d{4}-.*?\.md)\)', (folder / 'README.md').read_text(encoding='utf-8'))
+    assert listed == sorted(path.name for path in folder.glob('[0-9]*.md'))

@@ -47,6 +47,17 @@ IMU = 'sensor_msgs/msg/Imu'
 SECOND = 1_000_000_000
 FOREVER = QosTime(9223372036, 854775807)
 TYPES = BagTypes()
+FOREIGN = """rosbag2_bagfile_information:
+  version: 4
+  storage_identifier: sqlite3
+  relative_file_paths: [x.db3]
+  duration: {nanoseconds: 1}
+  starting_time: {nanoseconds_since_epoch: 1}
+  message_count: 1
+  topics_with_message_count: []
+  compression_format: ''
+  compression_mode: ''
+"""
 
 
 def qos(reliability='RELIABLE', durability='VOLATILE', depth=0):
@@ -336,6 +347,8 @@ def test_a_definition_that_differs_from_ours_is_the_one_that_counts(tmp_path):
     (lambda path: (write_texts(path, [1]), (path / 'bag_0.mcap').unlink()),
      'bag_0.mcap: cannot be read: No such file'),
     (lambda path: (path.mkdir(), (path / 'x.db3').touch()), 'metadata.yaml is missing'),
+    (lambda path: (path.mkdir(), (path / 'x.db3').write_text('no database ' * 99),
+                   (path / 'metadata.yaml').write_text(FOREIGN)), 'cannot be read'),
 ])
 def test_what_is_no_bag_is_named(tmp_path, make, words):
     make(tmp_path / 'bag')
@@ -405,11 +418,12 @@ def test_an_atomic_bag_appears_whole_or_not_at_all(tmp_path):
     assert sorted(os.listdir(tmp_path / 'bag')) == ['bag_0.mcap', 'metadata.yaml']
 
 
-def test_a_time_before_1970_is_refused_and_harms_nothing(tmp_path):
+def test_a_time_that_cannot_be_is_refused_and_harms_nothing(tmp_path):
     with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic('/a', STRING)
-        with pytest.raises(BagError, match='a message of /a has a time before 1970'):
-            bag.write('/a', -1, text('x'))
+        for times in ((-1, 1), (1, -1), (2**63, 1), (1, 2**70)):
+            with pytest.raises(BagError, match='a message of /a has a time before 1970 or after'):
+                bag.write('/a', times[0], text('x'), times[1])
         bag.write('/a', 1, text('y'))
     assert BagReader(tmp_path / 'bag').counts == {'/a': 1}
 

@@ -1,0 +1,51 @@
+"""The shell of every node: how a process begins and ends."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import signal
+from rclpy.node import Node
+from deck_motion_ros.nodes.shell import run, Stop
+
+class Tested(Node):
+    def __init__(self):
+        super().__init__('tested')
+        {init}
+        self.create_timer(0.01, self.act)
+
+    def act(self):
+        {act}
+
+    def destroy_node(self):
+        print('destroyed', flush=True)
+        super().destroy_node()
+
+run(Tested)
+"""
+
+
+@pytest.mark.parametrize('init, act, status, out, err', [
+    ('', "signal.raise_signal(signal.SIGINT); print('whole')", 0, 'whole\ndestroyed\n', ''),
+    ('', "signal.raise_signal(signal.SIGTERM); print('whole')", 0, 'whole\ndestroyed\n', ''),
+    ('signal.raise_signal(signal.SIGINT)', "print('never')", 0, 'destroyed\n', ''),
+    ('', "raise Stop('done')", 0, 'done\ndestroyed\n', ''),
+    ('', "raise Stop('error: disk', 1)", 1, 'destroyed\n', 'error: disk\n'),
+    ("raise ValueError('no such bag')", '', 2, '', 'error: no such bag\n'),
+])
+def test_how_a_node_ends(domain_id, init, act, status, out, err):
+    script = SCRIPT.format(init=init or 'pass', act=act or 'pass')
+    done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
+                          env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (status, out, err)
+
+
+def test_a_failing_callback_is_not_hidden(domain_id):
+    script = SCRIPT.format(init='pass', act="raise ValueError('bug')")
+    done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
+                          env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, timeout=60)
+    assert done.returncode == 1 and 'Traceback' in done.stderr
+    assert done.stdout == 'destroyed\n'
