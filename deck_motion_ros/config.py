@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field, fields, MISSING
 import math
 from typing import Any, TypeVar
 
@@ -91,16 +91,20 @@ class Parameter:
         '0.1 to 10 s'
         """
         unit = f' {self.unit}' if self.unit else ''
-        if self.low is None and self.high is None:
-            return f'any{unit}' if unit else ''
-        if self.low is None:
-            return f'at most {self.high:g}{unit}'
-        if self.high is None:
-            return f'at least {self.low:g}{unit}'
-        return f'{self.low:g} to {self.high:g}{unit}'
+        if self.low is not None and self.high is not None:
+            return f'{_short(self.low)} to {_short(self.high)}{unit}'
+        if self.low is not None:
+            return f'at least {_short(self.low)}{unit}'
+        if self.high is not None:
+            return f'at most {_short(self.high)}{unit}'
+        return f'any{unit}' if unit else ''
 
 
 _WORD = {float: 'a decimal number', int: 'a whole number', str: 'text', bool: 'true or false'}
+
+
+def _short(number: float) -> str:
+    return str(number) if isinstance(number, int) else f'{number:g}'
 
 
 def _has_nan(default: Any) -> bool:

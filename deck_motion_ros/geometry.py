@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import asin, atan2, copysign, cos, hypot, isfinite, pi, sin, sqrt
-from typing import cast
 
 import numpy as np
 
@@ -226,7 +225,7 @@ def turned_arm(roll: Array, pitch: Array, lever_arm: Vector3) -> tuple[Array, Ar
 def circular_mean(angles: Array) -> float:
     """Average angles (rad, any shape) on the circle; 0 where they cancel."""
     east, north = float(np.mean(np.cos(angles))), float(np.mean(np.sin(angles)))
-    return cast(float, atan2(north, east)) if hypot(north, east) > 1e-12 else 0.0
+    return atan2(north, east) if hypot(north, east) > 1e-12 else 0.0
 
 
 def rate_axes(pitch: float) -> Array:

@@ -18,8 +18,8 @@ from deck_motion_ros.samples import (
     Array,
     HeaveSample,
     ImuSample,
-    nanoseconds,
     NANOSECONDS,
+    nanoseconds,
     OdometrySample,
     Quaternion,
     Rejected,
@@ -27,7 +27,14 @@ from deck_motion_ros.samples import (
     TouchdownPose,
     Vector3,
 )
-from deck_motion_ros.topics import DIAGNOSTICS, IMU, MULTI_DOF_TRAJECTORY, ODOMETRY, POINT, TRAJECTORY
+from deck_motion_ros.topics import (
+    DIAGNOSTICS,
+    IMU,
+    MULTI_DOF_TRAJECTORY,
+    ODOMETRY,
+    POINT,
+    TRAJECTORY,
+)
 
 
 class Types(Protocol):
@@ -109,7 +116,8 @@ def odometry_sample(msg: Any) -> OdometrySample:
     position, linear, angular = (_vector(pose.position), _vector(twist.linear),
                                  _vector(twist.angular))
     cov = msg.pose.covariance
-    pose_var = tuple(float(cov[7 * k]) for k in range(6))
+    x, y, z, about_x, about_y, about_z = (float(cov[7 * k]) for k in range(6))
+    pose_var = (x, y, z, about_x, about_y, about_z)
     _finite(*position, *linear, *angular, *pose_var)
     return OdometrySample(stamp_of(msg), msg.header.frame_id, msg.child_frame_id, position,
                           _attitude(pose.orientation), linear, angular, pose_var)
@@ -120,10 +128,10 @@ def _time(types: Types, stamp: int) -> Any:
         sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
 
 
-def _duration(types: Types, seconds: float) -> Any:
-    total = nanoseconds(seconds)
-    return types['builtin_interfaces/msg/Duration'](
-        sec=total // NANOSECONDS, nanosec=total % NANOSECONDS)
+def _durations(types: Types, forecast: TouchdownForecast) -> list[Any]:
+    duration = types['builtin_interfaces/msg/Duration']
+    totals = map(nanoseconds, forecast.horizons.tolist())
+    return [duration(sec=total // NANOSECONDS, nanosec=total % NANOSECONDS) for total in totals]
 
 
 def _header(types: Types, stamp: int, frame_id: str) -> Any:
@@ -153,6 +161,7 @@ def imu_message(types: Types, sample: ImuSample, rates: bool = True) -> Any:
     types : Types
         Message classes.
     sample : ImuSample
+        What to say.
     rates : bool
         False where the sensor gives neither turn rate nor specific force.
 
@@ -211,17 +220,18 @@ def forecast_message(types: Types, forecast: TouchdownForecast, frame_id: str,
     """Build the ``trajectory_msgs/MultiDOFJointTrajectory`` of a forecast."""
     point_class = types['trajectory_msgs/msg/MultiDOFJointTrajectoryPoint']
     transform, twist = types['geometry_msgs/msg/Transform'], types['geometry_msgs/msg/Twist']
-    zero = _xyz(types, 'Vector3', (0.0, 0.0, 0.0))
+    vector, rotation = types['geometry_msgs/msg/Vector3'], types['geometry_msgs/msg/Quaternion']
+    zero = vector(x=0.0, y=0.0, z=0.0)
     points = [
         point_class(
             transforms=[transform(
-                translation=_xyz(types, 'Vector3', position),
-                rotation=_quaternion(types, quaternion_from_rpy(roll, pitch, 0.0)))],
-            velocities=[twist(linear=_xyz(types, 'Vector3', velocity), angular=zero)],
-            accelerations=[], time_from_start=_duration(types, horizon))
-        for horizon, position, velocity, (roll, pitch, _) in zip(
-            forecast.horizons.tolist(), forecast.position.tolist(), forecast.velocity.tolist(),
-            forecast.motion.mean.tolist(), strict=True)]
+                translation=vector(x=x, y=y, z=z), rotation=rotation(x=a, y=b, z=c, w=d))],
+            velocities=[twist(linear=vector(x=u, y=v, z=w), angular=zero)],
+            accelerations=[], time_from_start=duration)
+        for duration, (x, y, z), (u, v, w), (a, b, c, d) in zip(
+            _durations(types, forecast), forecast.position.tolist(), forecast.velocity.tolist(),
+            (quaternion_from_rpy(roll, pitch, 0.0)
+             for roll, pitch, _ in forecast.motion.mean.tolist()), strict=True)]
     return types[MULTI_DOF_TRAJECTORY](
         header=_header(types, forecast.issued_at, frame_id), joint_names=[joint], points=points)
 
@@ -235,9 +245,8 @@ def forecast_sd_message(types: Types, forecast: TouchdownForecast, frame_id: str
                                (forecast.rate_sd, motion.rate_cov))]
     points = [
         point_class(positions=types.floats(sd), velocities=types.floats(rate_sd),
-                    accelerations=nothing, effort=nothing,
-                    time_from_start=_duration(types, horizon))
-        for horizon, sd, rate_sd in zip(forecast.horizons.tolist(), *columns, strict=True)]
+                    accelerations=nothing, effort=nothing, time_from_start=duration)
+        for duration, sd, rate_sd in zip(_durations(types, forecast), *columns, strict=True)]
     return types[TRAJECTORY](
         header=_header(types, forecast.issued_at, frame_id),
         joint_names=['height', 'roll', 'pitch'], points=points)

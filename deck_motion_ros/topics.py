@@ -58,7 +58,8 @@ TOPICS = (
     Topic('touchdown/forecast', MULTI_DOF_TRAJECTORY, 'ship_level', 'predictor', (),
           'The same 0.5, 1.0 ... 10 s after the newest measurement, which is the stamp.'),
     Topic('touchdown/forecast_sd', TRAJECTORY, 'ship_level', 'predictor', (),
-          'Standard deviations of the forecast: joints height, roll, pitch; velocities: of rates.'),
+          'Standard deviations of the forecast: joints height, roll, pitch; velocities: of the '
+          'rates.'),
     Topic('/diagnostics', DIAGNOSTICS, '', 'every node', (),
           'State, counts of accepted and rejected messages, by wall clock once a second.'),
 )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from functools import lru_cache
 from math import floor, inf, nan, radians, sqrt
 
 import numpy as np
 
-from deck_motion_ros.estimators.kalman import predicted, predicted_output, State, step
+from deck_motion_ros.estimators.kalman import predicted_output, State, step
 from deck_motion_ros.processes import (
     LI2014_HEAVE,
     LI2014_PITCH,
@@ -28,6 +29,7 @@ def in_radians(process: ShapingFilter) -> ShapingFilter:
 
 # roll, pitch (rad), heave (m)
 LI2014 = (in_radians(LI2014_ROLL), in_radians(LI2014_PITCH), LI2014_HEAVE)
+NOW = np.zeros(1)
 
 
 class AxisFilter:
@@ -93,18 +95,70 @@ class AxisFilter:
 
         The instantaneous rate of this model has no finite variance (Li2014 calls x2 the rate).
         """
-        start = predicted(self.state, *self.process.step(max(ahead - RATE_WINDOW / 2, 0.0)))
-        phi, noise = self.process.step(RATE_WINDOW)
-        end, end_var = predicted_output(start, phi, noise)
-        cov = phi[0] * start[2] + phi[1] * start[3]
-        return ((end - start[0]) / RATE_WINDOW,
-                (start[2] + end_var - 2 * cov) / RATE_WINDOW**2)
+        rate, var = self.table(np.array([ahead]))[2:, 0].tolist()
+        return rate, var
+
+    def table(self, ahead: Array) -> Array:
+        """
+        Predict many times at once.
+
+        Parameters
+        ----------
+        ahead : ndarray, shape (n,)
+            Seconds on.
+
+        Returns
+        -------
+        ndarray, shape (4, n)
+            Deviation, its variance, mean rate (see :meth:`mean_rate`), its variance.
+
+        """
+        by_state, by_cov, noise = _linear(self.process, ahead.tobytes())
+        x1, x2, p11, p12, p22 = self.state
+        table = np.empty((4, len(ahead)))
+        table[::2] = by_state[0] * x1 + by_state[1] * x2
+        table[1::2] = by_cov[0] * p11 + by_cov[1] * p12 + by_cov[2] * p22 + noise
+        table[1] += self._excess
+        return table
 
     def frozen(self) -> AxisFilter:
         """Return a copy that keeps today's estimate."""
         copy = AxisFilter(self.process, self.mean, self._excess)
         copy.time, copy.state = self.time, self.state
         return copy
+
+
+@lru_cache(maxsize=64)
+def _linear(process: ShapingFilter, times: bytes) -> tuple[Array, Array, Array]:
+    """
+    Write deviation and mean rate ahead as linear functions of state and covariance.
+
+    Parameters
+    ----------
+    process : ShapingFilter
+        Of the axis.
+    times : bytes
+        An array of n seconds as bytes, which can be remembered.
+
+    Returns
+    -------
+    by_state, by_cov, noise : ndarray, shape (2, 2, n), (3, 2, n), (2, n)
+        Factors of x1, x2, of p11, p12, p22, and the variance that comes of itself; the rows of
+        each are deviation and mean rate.
+
+    """
+    (phi_11, phi_12, _, _), (window_var, _, _) = process.step(RATE_WINDOW)
+    r1, r2 = (phi_11 - 1) / RATE_WINDOW, phi_12 / RATE_WINDOW  # rate = r1 x1 + r2 x2 + noise
+    columns = []
+    for time in np.frombuffer(times).tolist():
+        (f1, f2, _, _), (var, _, _) = process.step(time)
+        (s11, s12, s21, s22), (q11, q12, q22) = process.step(max(time - RATE_WINDOW / 2, 0.0))
+        g1, g2 = r1 * s11 + r2 * s21, r1 * s12 + r2 * s22
+        columns.append((
+            f1, g1, f2, g2, f1 * f1, g1 * g1, 2 * f1 * f2, 2 * g1 * g2, f2 * f2, g2 * g2, var,
+            r1 * r1 * q11 + 2 * r1 * r2 * q12 + r2 * r2 * q22 + window_var / RATE_WINDOW**2))
+    rows = np.array(columns).T.reshape(6, 2, -1)
+    return rows[:2], rows[2:5], rows[5]
 
 
 class Slots:
@@ -116,7 +170,7 @@ class Slots:
 
     SLOT = 0.25
     WINDOW = 300.0
-    LAGS = np.arange(1, 33) * SLOT
+    LAGS: Array = np.linspace(0.25, 8.0, 32)
 
     def __init__(self) -> None:
         self._slots: deque[tuple[int, float]] = deque()
@@ -340,11 +394,24 @@ class AxisOutlook:
 
     def predict(self, time: float) -> tuple[float, float, float, float]:
         """Predict value, its variance, mean rate and its variance at ``time`` (s)."""
-        ahead = self._state.age(time)
-        slope, ratio = self._at(ahead, self._slopes), self._at(ahead, self._ratios)
-        deviation, var = self._state.deviation(ahead)
-        rate, rate_var = self._state.mean_rate(ahead)
-        return self._state.mean + slope * deviation, var * ratio, slope * rate, rate_var * ratio
+        value, var, rate, rate_var = self.table(time, NOW)[:, 0].tolist()
+        return value, var, rate, rate_var
+
+    def table(self, time: float, horizons: Array) -> Array:
+        """
+        Predict the same for ``horizons`` (s, shape (n,)) after ``time`` (s).
+
+        Returns
+        -------
+        ndarray, shape (4, n)
+
+        """
+        ahead = self._state.age(time) + horizons
+        table = self._state.table(ahead)
+        table[::2] *= np.interp(ahead, self._GRID, self._slopes)
+        table[1::2] *= np.interp(ahead, self._GRID, self._ratios)
+        table[0] += self._state.mean
+        return table
 
     def _at(self, ahead: float, values: tuple[float, ...]) -> float:
         k = bisect_right(self._GRID, ahead)
@@ -362,9 +429,10 @@ class FixedAxis:
     def __init__(self, process: ShapingFilter) -> None:
         self._filter = AxisFilter(process)
 
-    def measure(self, time: float, value: float, var: float) -> None:
-        """Use a measurement at ``time`` (s)."""
+    def measure(self, time: float, value: float, var: float) -> bool:
+        """Use a measurement at ``time`` (s); no forecast is scored."""
         self._filter.measure(time, value, var)
+        return False
 
     def outlook(self) -> AxisOutlook:
         """Return what is known of the future now."""
@@ -395,8 +463,8 @@ class TunedAxis:
         self._due = -inf
         self.last_error: tuple[float, float] | None = None
 
-    def measure(self, time: float, value: float, var: float) -> None:
-        """Use a measurement at ``time`` (s)."""
+    def measure(self, time: float, value: float, var: float) -> bool:
+        """Use a measurement at ``time`` (s); say whether there is a new ``last_error``."""
         error = self.score.compare(time, value, var)
         if error is not None:
             self.last_error = (time, error)
@@ -411,6 +479,7 @@ class TunedAxis:
             self._recent.append((time, value, var))
             while time - self._recent[0][0] > self.REPLAY:
                 self._recent.popleft()
+        return error is not None
 
     def _tune(self, time: float) -> None:
         if self.slots.span >= self.TUNE_FIRST:
@@ -454,11 +523,10 @@ class Outlook:
 
         An axis that never came is predicted at rest, with the model's own spread.
         """
-        table = np.array([[axis.predict(time + ahead) for axis in self._axes]
-                          for ahead in horizons.tolist()])
-        return MotionForecast(
-            horizons, table[..., 0], _joined(table[..., 1], self._correlation),
-            table[..., 2], _joined(table[..., 3], self._correlation))
+        mean, var, rate, rate_var = np.stack(
+            [axis.table(time, horizons) for axis in self._axes], axis=-1)
+        return MotionForecast(horizons, mean, _joined(var, self._correlation),
+                              rate, _joined(rate_var, self._correlation))
 
 
 class ShapingPredictor:
@@ -475,8 +543,8 @@ class ShapingPredictor:
     CORRELATION_PRIOR = 30.0  # error triples that "uncorrelated" weighs
 
     def __init__(self, tuned: bool = True) -> None:
-        self.axes: tuple[TunedAxis, ...] | tuple[FixedAxis, ...] = tuple(
-            map(TunedAxis if tuned else FixedAxis, LI2014))
+        self.axes: tuple[TunedAxis | FixedAxis, ...] = tuple(
+            TunedAxis(process) if tuned else FixedAxis(process) for process in LI2014)
         self._joint = np.zeros((3, 3))
         self._joint_time = nan
         self._correlation: Array = np.eye(3)
@@ -495,8 +563,8 @@ class ShapingPredictor:
             Radians or metres, and the variance of its error.
 
         """
-        self.axes[axis].measure(time, value, var)
-        self._learn_correlation()
+        if self.axes[axis].measure(time, value, var):
+            self._learn_correlation()
 
     def _learn_correlation(self) -> None:
         errors = [axis.last_error for axis in self.axes if isinstance(axis, TunedAxis)]

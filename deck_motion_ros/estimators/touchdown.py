@@ -41,7 +41,7 @@ from deck_motion_ros.streams import OutputSchedule, StampGate
 
 Sample = ImuSample | HeaveSample | OdometrySample
 
-FORECAST_TIMES = np.arange(1, 21) * 0.5  # s ahead, of touchdown/forecast
+FORECAST_TIMES: Array = np.linspace(0.5, 10.0, 20)  # s ahead, of touchdown/forecast
 MAX_HEAVE = 100.0  # m: no ship heaves more
 
 
@@ -119,6 +119,7 @@ class TouchdownPrediction:
         Above rest at ``valid_at`` (m).
 
     The rest is computed when asked for, from what was known at ``issued_at``.
+
     """
 
     issued_at: int
@@ -146,35 +147,38 @@ class TouchdownPrediction:
 
     def pose(self) -> TouchdownPose:
         """Predict pose and twist at ``valid_at`` with their covariances."""
-        ahead = self.forecast(np.array([seconds(self.valid_at - self.issued_at)]))
-        roll, pitch, _ = ahead.motion.mean[0].tolist()
+        motion = self._outlook.forecast(
+            self._time, np.array([seconds(self.valid_at - self.issued_at)]))
+        roll, pitch, heave = motion.mean[0].tolist()
         horizontal_var = self._config.horizontal_sd**2
         # surge, sway and yaw are not predicted: they are worth their own spread, and as much
         # again times (2 pi / 10 s) as rates
         unmeasured = np.array([self._heading_var, horizontal_var, horizontal_var])
-        cov = _block(ahead.motion.cov[0], unmeasured)
-        rate_cov = _block(ahead.motion.rate_cov[0], unmeasured * (2 * pi / 10)**2)
-        rates = np.concatenate([ahead.motion.rate[0], np.zeros(3)])
-        jacobian = _pose_jacobian(roll, pitch, self._config.lever_arm)
-        to_deck = np.kron(np.eye(2), matrix_from_rpy(roll, pitch, 0.0).T) @ jacobian
+        cov = _block(motion.cov[0], unmeasured)
+        rate_cov = _block(motion.rate_cov[0], unmeasured * (2 * pi / 10)**2)
+        vec, jacobian = _position(roll, pitch, heave, self._config.lever_arm)
+        mat_deck = matrix_from_rpy(roll, pitch, 0.0).T
+        to_deck = (mat_deck @ jacobian.reshape(2, 3, 6)).reshape(6, 6)
         return TouchdownPose(
-            self.valid_at, ahead.position[0], quaternion_from_rpy(roll, pitch, 0.0),
-            jacobian @ cov @ jacobian.T, to_deck @ rates, to_deck @ rate_cov @ to_deck.T)
+            self.valid_at, vec, quaternion_from_rpy(roll, pitch, 0.0),
+            jacobian @ cov @ jacobian.T, to_deck[:, :3] @ motion.rate[0],
+            to_deck @ rate_cov @ to_deck.T)
 
 
 def _sd_along(gradient: Array, cov: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum('ni,nij,nj->n', gradient, cov, gradient)))
 
 
-def _pose_jacobian(roll: float, pitch: float, lever_arm: Vector3) -> Array:
-    """Differentiate position and rotation by roll, pitch, heave, yaw, surge, sway: (6, 6)."""
+def _position(roll: float, pitch: float, heave: float,
+              lever_arm: Vector3) -> tuple[Array, Array]:
+    """Place the point; differentiate place and turn by roll, pitch, heave, yaw, surge, sway."""
     vec, by_roll, by_pitch = turned_arm(np.array(roll), np.array(pitch), lever_arm)
     jacobian = np.zeros((6, 6))
     jacobian[:3, 0], jacobian[:3, 1] = by_roll, by_pitch
     jacobian[:3, 3] = -vec[1], vec[0], 0.0
     jacobian[2, 2] = jacobian[0, 4] = jacobian[1, 5] = 1.0
     jacobian[3:, [0, 1, 3]] = rate_axes(pitch)
-    return jacobian
+    return vec + np.array([0.0, 0.0, heave]), jacobian
 
 
 def _block(cov: Array, variances: Array) -> Array:

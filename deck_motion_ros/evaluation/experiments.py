@@ -53,11 +53,13 @@ def simulate_runs(process: ShapingFilter, dt: float, steps: int, runs: int,
     Parameters
     ----------
     process : ShapingFilter
+        What is drawn.
     dt : float
         Seconds between samples.
     steps, runs : int
         Size of the answer.
     rng : Generator
+        Source of randomness.
 
     Returns
     -------

@@ -92,6 +92,8 @@ def configuration(node: Node, kind: type[T]) -> T:
     """
     values, overrides = {}, node._parameter_overrides
     for name, rule in parameters(kind).items():
+        if rule.default == () and name in overrides and overrides[name].value is None:
+            del overrides[name]  # what rcl makes of [] in a parameter file
         if name in overrides:  # checked in our words, and 3 taken where 3.0 is meant
             value = rule.check(overrides[name].value)
             overrides[name] = RosParameter(

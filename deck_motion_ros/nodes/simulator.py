@@ -29,6 +29,7 @@ from deck_motion_ros.simulation.simulator import Event, ShipSimulator, Simulator
 from deck_motion_ros.topics import outputs
 
 BURST = 60  # messages at most in one callback when catching up
+SETTLED = NANOSECONDS // 2  # no new subscriber for this long: all that were coming are there
 FAST_START = NANOSECONDS  # first stamp as fast as possible: every run alike, and not 0
 
 
@@ -59,38 +60,43 @@ class SimulatorNode(Node):
         self._next: Event | None = None
         self._counts: Counter[str] = Counter()
         self._diagnostics = DiagnosticsPublisher(self, self._report)
-        self._alarm = self.create_timer(
-            0.01, self._follow_clock) if config.realtime else self.create_timer(
-            1 / config.fast_rate, self._lead_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._readers, self._changed = [], 0
+        self._alarm = self.create_timer(0.05, self._wait, clock=self._steady)
 
-    def _begun(self) -> bool:
-        """Begin once the clock runs and the subscribers are there."""
-        if self._events is None:
-            now = self.get_clock().now().nanoseconds if self._config.realtime else FAST_START
-            readers = self._outputs['ship/imu'].get_subscription_count()
-            if now == 0 or readers < self._config.subscribers:
-                return False
-            self._events = iter(ShipSimulator(self._config, now))
-            self._next = next(self._events, None)
-        return True
+    def _wait(self) -> None:
+        """Begin once the clock runs and the wanted subscribers are there, the last a while ago."""
+        config, steady = self._config, self._steady.now().nanoseconds
+        now = self.get_clock().now().nanoseconds if config.realtime else FAST_START
+        readers = [output.get_subscription_count() for output in self._outputs.values()]
+        if readers != self._readers:
+            self._readers, self._changed = readers, steady
+        imu = self._outputs['ship/imu'].get_subscription_count()
+        settled = not config.subscribers or steady - self._changed >= SETTLED
+        if now == 0 or imu < config.subscribers or not settled:
+            return
+        self.destroy_timer(self._alarm)
+        self._events = iter(ShipSimulator(config, now))
+        self._next = next(self._events, None)
+        self._alarm = self.create_timer(
+            0.0, self._follow_clock) if config.realtime else self.create_timer(
+            1 / config.fast_rate, self._lead_clock, clock=self._steady)
 
     def _follow_clock(self) -> None:
-        if self._begun():
-            now = self.get_clock().now().nanoseconds
-            for _ in range(BURST):
-                if self._upcoming().time > now:
-                    break
-                self._publish()
-            ahead = self._next.time - self.get_clock().now().nanoseconds if self._next else 0
-            self._alarm.timer_period_ns = max(ahead, 0)
-            self._alarm.reset()
+        now = self.get_clock().now().nanoseconds
+        for _ in range(BURST):
+            if self._upcoming().time > now:
+                break
+            self._publish()
+        ahead = self._next.time - self.get_clock().now().nanoseconds if self._next else 0
+        self._alarm.timer_period_ns = max(ahead, 0)
+        self._alarm.reset()
 
     def _lead_clock(self) -> None:
-        if self._begun():
-            now = self._upcoming().time
-            self._ahead.publish(ClockMessage(clock=Time(nanoseconds=now).to_msg()))
-            while self._next is not None and self._next.time == now:
-                self._publish()
+        now = self._upcoming().time
+        self._ahead.publish(ClockMessage(clock=Time(nanoseconds=now).to_msg()))
+        while self._next is not None and self._next.time == now:
+            self._publish()
 
     def _upcoming(self) -> Event:
         if self._next is None:

@@ -3,6 +3,12 @@
 from dataclasses import replace
 from math import isfinite, pi, radians, sqrt
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
 from deck_motion_ros.estimators.touchdown import (
     FORECAST_TIMES,
     HeadingSpread,
@@ -12,10 +18,6 @@ from deck_motion_ros.estimators.touchdown import (
 from deck_motion_ros.geometry import height_above_rest, multiply, quaternion_from_rpy
 from deck_motion_ros.processes import LI2014_HEAVE, LI2014_PITCH, LI2014_ROLL, van_loan
 from deck_motion_ros.samples import HeaveSample, ImuSample, OdometrySample, Rejected
-from hypothesis import given, settings, strategies as st
-import numpy as np
-import pytest
-from scipy.spatial.transform import Rotation
 
 ARM = (-67.97, 3.05, 19.5)
 SECOND = 1_000_000_000
@@ -61,7 +63,7 @@ def moved(rate, duration, seed):
 
 
 def heights(motion, arm=ARM):
-    """True heights of the touchdown point."""
+    """Compute the true heights of the touchdown point."""
     return np.array([height_above_rest(*row, arm) for row in motion.tolist()])
 
 
@@ -256,7 +258,23 @@ def test_a_variance_in_the_message_wins_over_the_parameter(voyage):
     assert coarse == by_odometry((0.0, 0.0, 0.0, 0.03**2, 0.03**2, 0.0))
     assert by_odometry((9.0, 9.0, 0.6**2, 0.0, 0.0, 9.0)) == by_odometry(
         (0.0,) * 6, replace(base, heave_sd=0.6))
-    assert by_imu((0.0, 0.03**2, 0.0)) != by_imu((0.03**2, 0.0, 0.0))
+    uneven = by_imu((0.03**2, 0.01**2, 0.0))
+    assert uneven == by_odometry((0.0, 0.0, 0.0, 0.03**2, 0.01**2, 0.0))
+    assert uneven != by_imu((0.01**2, 0.03**2, 0.0))
+
+
+@pytest.mark.parametrize('axis', [0, 1])
+def test_a_variance_about_x_is_the_rolls_about_y_the_pitchs(axis):
+    def roll_and_pitch_var(var):
+        predictor = TouchdownPredictor(PredictorConfig())
+        *_, made = (p for k in range(8) for p in predictor.update(imu(0.1 * k, var=var)))
+        return np.diag(made.forecast(np.array([0.1])).motion.cov[0])[:2]
+
+    coarse = [1e-7, 1e-7, 0.0]
+    coarse[axis] = 1e-3
+    plain, changed = roll_and_pitch_var((1e-7, 1e-7, 0.0)), roll_and_pitch_var(tuple(coarse))
+    assert changed[axis] > 1.1 * plain[axis]
+    assert changed[1 - axis] == pytest.approx(plain[1 - axis])
 
 
 def test_presets_bring_their_own_noise():
@@ -387,3 +405,15 @@ def test_heading_spread_is_that_of_the_swing(mean_deg):
         yaw = radians(mean_deg) + radians(1.5) * rng.normal()
         spread.measure(0.1 * k, (yaw + pi) % (2 * pi) - pi)
     assert sqrt(spread.var) == pytest.approx(radians(1.5), rel=0.15)
+
+
+@pytest.mark.parametrize('rate', [1, 10])
+def test_heading_spread_forgets_by_time_not_by_count(rate):
+    """Swings of 1.5 deg that stop: after two minutes 1/e of their variance is left."""
+    spread = HeadingSpread()
+    for k in range(1200 * rate):
+        spread.measure(k / rate, radians(1.5) * (-1)**k)
+    assert sqrt(spread.var) == pytest.approx(radians(1.5), rel=0.02)
+    for k in range(1200 * rate, 1320 * rate):
+        spread.measure(k / rate, 0.0)
+    assert spread.var == pytest.approx(radians(1.5)**2 / np.e, rel=0.05)

@@ -3,11 +3,12 @@
 import csv
 from math import isfinite, radians, sqrt
 
+import numpy as np
+import pytest
+
 from deck_motion_ros.estimators.touchdown import PredictorConfig, TouchdownPredictor
 from deck_motion_ros.geometry import height_above_rest, quaternion_from_rpy
 from deck_motion_ros.samples import HeaveSample, ImuSample
-import numpy as np
-import pytest
 
 SECOND = 1_000_000_000
 ZERO = (0.0, 0.0, 0.0)
@@ -80,7 +81,7 @@ def test_palmer_promises(palmer, horizon):
     """The 95 % intervals hold, and no forecast is worse than the ship's own spread."""
     errors, sds, _ = scored(*palmer, horizon, 120.0)
     assert 0.88 <= np.mean(np.abs(errors) < 1.96 * sds) <= 0.995
-    assert 0.7 < rms(errors) / rms(sds) < 1.3
+    assert 0.55 < rms(errors) / rms(sds) < 1.2
     assert rms(errors) < 1.1 * np.std(palmer[1])
 
 
@@ -126,7 +127,7 @@ FILES = [('nbp_20140801_seapath330.csv', 't_s'), ('nbp_20140801_seapath200.csv',
 
 @pytest.mark.parametrize('name, time', FILES)
 def test_every_record_gives_numbers(data_dir, name, time):
-    times, height, made = fed(data_dir / 'ship' / name, time, rows=3000)
+    times, height, made = fed(data_dir / 'ship' / name, time, rows=1500)
     assert len(made) > 0.7 * min(len(times), 10 * (times[-1] - times[0]))
     for prediction in made[::7]:
         pose, table = prediction.pose(), prediction.forecast()

@@ -4,6 +4,11 @@ from dataclasses import replace
 from itertools import permutations
 from math import cos, inf, nan, sin
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
 from deck_motion_ros.estimators.touchdown import PredictorConfig, TouchdownPredictor
 from deck_motion_ros.geometry import quaternion_from_rpy
 from deck_motion_ros.samples import (
@@ -14,9 +19,6 @@ from deck_motion_ros.samples import (
     Rejected,
     seconds,
 )
-from hypothesis import given, settings, strategies as st
-import numpy as np
-import pytest
 
 HOUR = 3600 * NANOSECONDS
 MS = NANOSECONDS // 1000

@@ -4,10 +4,12 @@ from array import array
 from dataclasses import dataclass, field, fields
 from math import inf, isnan, nan
 
-from deck_motion_ros.config import configured, parameter, Parameter, parameters, unknown_names
-from deck_motion_ros.estimators.touchdown import PredictorConfig
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import pytest
+
+from deck_motion_ros.config import configured, Parameter, parameter, parameters, unknown_names
+from deck_motion_ros.estimators.touchdown import PredictorConfig
 
 
 @dataclass(frozen=True)

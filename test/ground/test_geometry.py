@@ -2,13 +2,14 @@
 
 from math import atan2, cos, degrees, pi, radians, sin, sqrt
 
-from deck_motion_ros import geometry
-from deck_motion_ros.samples import Vector3
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 import waveresponse
+
+from deck_motion_ros import geometry
 
 ARM = (-67.97, 3.05, 19.5)
 ANGLE = st.floats(-pi, pi)

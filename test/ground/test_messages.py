@@ -2,11 +2,21 @@
 
 from math import inf, nan
 
-from deck_motion_ros import messages
-from deck_motion_ros.geometry import quaternion_from_rpy
-from deck_motion_ros.nodes.shell import RclTypes
-from deck_motion_ros.recording import BagTypes, encode
-from deck_motion_ros.samples import (
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='no ROS 2 here')
+
+from rclpy.serialization import deserialize_message, serialize_message  # noqa: E402
+from rosbags.typesys import get_typestore, Stores  # noqa: E402
+
+from deck_motion_ros import messages  # noqa: E402
+from deck_motion_ros.geometry import quaternion_from_rpy  # noqa: E402
+from deck_motion_ros.nodes.shell import RclTypes  # noqa: E402
+from deck_motion_ros.recording import BagTypes, encode  # noqa: E402
+from deck_motion_ros.samples import (  # noqa: E402
     HeaveSample,
     ImuSample,
     MotionForecast,
@@ -15,12 +25,15 @@ from deck_motion_ros.samples import (
     TouchdownForecast,
     TouchdownPose,
 )
-from deck_motion_ros.topics import BY_NAME, IMU, inputs, ODOMETRY, outputs, POINT, TOPICS
-from hypothesis import given, settings, strategies as st
-import numpy as np
-import pytest
-from rclpy.serialization import deserialize_message, serialize_message
-from rosbags.typesys import get_typestore, Stores
+from deck_motion_ros.topics import (  # noqa: E402
+    BY_NAME,
+    IMU,
+    inputs,
+    ODOMETRY,
+    outputs,
+    POINT,
+    TOPICS,
+)
 
 RCL, BAG = RclTypes(), BagTypes()
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -178,7 +191,7 @@ class TestWhatIsMissing:
 
 
 def forecast(seed=1):
-    """Some forecast, every number different."""
+    """Make some forecast, every number different."""
     rng = np.random.default_rng(seed)
     horizons = np.array([0.5, 3.0, 10.0])
 

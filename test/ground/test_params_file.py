@@ -1,13 +1,10 @@
 """Parameter files: rcl itself says what a file gives to a node; names and remappings."""
 
+import pytest
+
 from deck_motion_ros.config import Parameter
 from deck_motion_ros.names import absolute, remappings
 from deck_motion_ros.params_file import read_params_file
-import pytest
-from rclpy.context import Context
-from rclpy.node import Node
-
-import rclpy
 
 FILES = {
     'a node': 'predictor:\n  ros__parameters: {horizon: 1.0, method: shaping}\n',
@@ -33,13 +30,15 @@ FILES = {
 }
 
 
-def by_rcl(path, namespace):
+def by_rcl(path, namespace, domain_id):
     """Return what a real node gets from the file."""
-    context = Context()
-    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context, domain_id=71)
+    rclpy = pytest.importorskip('rclpy', reason='no ROS 2 here')
+    context = rclpy.Context()
+    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=context,
+               domain_id=domain_id)
     try:
-        node = Node('predictor', namespace=namespace, context=context, enable_rosout=False,
-                    start_parameter_services=False)
+        node = rclpy.create_node('predictor', namespace=namespace, context=context,
+                                 enable_rosout=False, start_parameter_services=False)
         given = node._parameter_overrides
         node.destroy_node()
     finally:
@@ -49,11 +48,12 @@ def by_rcl(path, namespace):
 
 
 @pytest.mark.parametrize('text', FILES.values(), ids=FILES)
-def test_a_file_gives_what_rcl_gives(tmp_path, text):
+def test_a_file_gives_what_rcl_gives(tmp_path, domain_id, text):
     path = tmp_path / 'params.yaml'
     path.write_text(text)
     for namespace in ('/', '/palmer', '/fleet/palmer'):
-        ours, theirs = read_params_file(path, 'predictor', namespace), by_rcl(path, namespace)
+        ours = read_params_file(path, 'predictor', namespace)
+        theirs = by_rcl(path, namespace, domain_id)
         assert ours == theirs, namespace
         assert {name: type(value) for name, value in ours.items()} == {
             name: type(value) for name, value in theirs.items()}
@@ -68,10 +68,10 @@ def test_yes_is_a_word_and_the_error_says_so(tmp_path):
         Parameter('on', True, 'a switch').check(value)
 
 
-def test_an_empty_file_gives_nothing(tmp_path):
+def test_an_empty_file_gives_nothing(tmp_path, domain_id):
     path = tmp_path / 'empty.yaml'
     path.write_text('# nothing yet\n')
-    assert read_params_file(path, 'predictor') == by_rcl(path, '/') == {}
+    assert read_params_file(path, 'predictor') == by_rcl(path, '/', domain_id) == {}
 
 
 @pytest.mark.parametrize('content', [

@@ -2,6 +2,13 @@
 
 from math import exp, inf, nan, sqrt
 
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import expm, solve_continuous_lyapunov
+
 from deck_motion_ros.processes import (
     LI2014_HEAVE,
     LI2014_PITCH,
@@ -10,11 +17,6 @@ from deck_motion_ros.processes import (
     ShapingFilter,
     van_loan,
 )
-from hypothesis import given, strategies as st
-import numpy as np
-import pytest
-from scipy.integrate import quad
-from scipy.linalg import expm, solve_continuous_lyapunov
 
 PRESETS = [LI2014_PITCH, LI2014_HEAVE, LI2014_ROLL]
 FILTERS = [*PRESETS, ShapingFilter(1.0, 3.0, 0.5), ShapingFilter(2.0, 1.2, 0.36)]

@@ -1,10 +1,12 @@
 """The gate for stamps and the schedule of outputs, on stamps worked out by hand."""
 
-from deck_motion_ros.samples import NANOSECONDS, nanoseconds, Rejected, seconds
-from deck_motion_ros.streams import OutputSchedule, StampGate
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
+
+from deck_motion_ros.samples import NANOSECONDS, nanoseconds, Rejected, seconds
+from deck_motion_ros.streams import OutputSchedule, StampGate
 
 HOUR = 3600 * NANOSECONDS
 

@@ -1,6 +1,7 @@
 """The predictor node on real ROS 2: parameters, topics, numbers, diagnostics, its end."""
 
 from collections import Counter
+from dataclasses import dataclass
 from functools import partial
 import os
 import signal
@@ -17,11 +18,11 @@ from rclpy.parameter import Parameter  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 
 from deck_motion_ros import messages  # noqa: E402
-from deck_motion_ros.config import parameters  # noqa: E402
+from deck_motion_ros.config import parameter, parameters  # noqa: E402
 from deck_motion_ros.estimators.touchdown import PredictorConfig  # noqa: E402
 from deck_motion_ros.geometry import quaternion_from_rpy  # noqa: E402
 from deck_motion_ros.nodes.predictor import PredictorNode  # noqa: E402
-from deck_motion_ros.nodes.shell import RclTypes  # noqa: E402
+from deck_motion_ros.nodes.shell import configuration, RclTypes  # noqa: E402
 from deck_motion_ros.pipelines import PredictorPipeline  # noqa: E402
 from deck_motion_ros.recording import BagTypes  # noqa: E402
 from deck_motion_ros.samples import HeaveSample, ImuSample, OdometrySample  # noqa: E402
@@ -141,7 +142,7 @@ def taken(node):
 
 
 def expected(samples, **values):
-    """What the pure pipeline gives for the same messages in the same order."""
+    """Give what the pure pipeline gives for the same messages in the same order."""
     pipeline = PredictorPipeline(PredictorConfig(**values), BagTypes(), lambda text: None)
     return [(name, content(msg)) for topic, sample in samples
             for name, msg in pipeline.take(topic, BUILDERS[topic](BagTypes(), sample))]
@@ -255,8 +256,9 @@ def test_every_parameter_is_declared_described_and_read_only(predictor):
 
 
 @pytest.mark.parametrize('name, value, words', [
-    ('horizon', 20.0, '0.1 to 10 s'), ('horizon', 'three', 'decimal'), ('horizon', True, 'decimal'),
-    ('horizon', float('nan'), '0.1 to 10 s'), ('method', 'magic', 'shaping'),
+    ('horizon', 20.0, '0.1 to 10 s'), ('horizon', 'three', 'decimal'),
+    ('horizon', True, 'decimal'), ('horizon', float('nan'), '0.1 to 10 s'),
+    ('method', 'magic', 'shaping'),
     ('lever_arm', [1.0, 2.0], '3 numbers'), ('lever_arm', 1.0, 'list'),
     ('lever_arm', [1.0, 2.0, 5000.0], '-1000 to 1000 m'), ('output_rate', 0, '0.01 to 1000 Hz'),
     ('ship_level_frame', 3, 'text')])
@@ -271,6 +273,23 @@ def test_whole_numbers_are_taken_for_decimals(predictor):
     assert node.pipeline.config == PredictorConfig(
         horizon=5.0, lever_arm=(-35.0, 0.0, 6.0), output_rate=20.0)
     assert node.get_parameter('horizon').value == 5.0
+
+
+def test_an_empty_list_in_a_parameter_file_is_an_empty_list(tmp_path, domain_id):
+    @dataclass(frozen=True)
+    class Config:
+        topics: tuple = parameter((), 'which; none = all')
+
+    path = tmp_path / 'params.yaml'
+    path.write_text('/**:\n  ros__parameters: {topics: []}\n')
+    own = rclpy.Context()
+    rclpy.init(args=['--ros-args', '--params-file', str(path)], context=own, domain_id=domain_id)
+    try:
+        node = rclpy.create_node('any', context=own)
+        assert configuration(node, Config).topics == ()
+        node.destroy_node()
+    finally:
+        own.try_shutdown()
 
 
 def test_unknown_parameters_are_named_in_a_warning(predictor, capfd):

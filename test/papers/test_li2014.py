@@ -2,18 +2,18 @@
 
 from math import hypot, radians, sqrt
 
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
 from deck_motion_ros.estimators.kalman import filtered_runs, gain_sequence, riccati_bound
 from deck_motion_ros.geometry import from_starboard_forward_up, turned_arm
 from deck_motion_ros.processes import (
     LI2014_HEAVE,
     LI2014_PITCH,
     LI2014_ROLL,
-    ShapingFilter,
     van_loan,
 )
-import numpy as np
-import pytest
-from scipy.linalg import expm
 
 DT, HORIZON, RUNS, STEPS, SETTLED = 0.1, 3.0, 200, 600, 200
 AHEAD = round(HORIZON / DT)
