@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import asin, atan2, copysign, cos, hypot, isfinite, pi, sin, sqrt
 
 import numpy as np
@@ -127,7 +128,12 @@ def attitude_of_mounted(orientation: Quaternion, mount_rpy: Vector3) -> Quaterni
         Roll, pitch, yaw of the sensor in the body (rad).
 
     """
-    return multiply(orientation, conjugate(quaternion_from_rpy(*mount_rpy)))
+    return multiply(orientation, _unmounting(mount_rpy))
+
+
+@lru_cache(maxsize=8)
+def _unmounting(mount_rpy: Vector3) -> Quaternion:
+    return conjugate(quaternion_from_rpy(*mount_rpy))
 
 
 def yaw_from_heading(heading: float) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 from deck_motion_ros.samples import NANOSECONDS, Rejected
 
 
@@ -105,32 +103,3 @@ class OutputSchedule:
             due = stamp + self._period
         self._due = due
         self._last = stamp
-
-
-class Tally:
-    """
-    Count what was accepted and rejected, and remember what was warned of once.
-
-    Attributes
-    ----------
-    accepted : Counter
-        Messages used, by topic.
-    rejected : Counter
-        Messages not used, by (topic, reason).
-    oddities : Counter
-        Messages used although something was odd, by (topic, what).
-
-    """
-
-    def __init__(self) -> None:
-        self.accepted: Counter[str] = Counter()
-        self.rejected: Counter[tuple[str, str]] = Counter()
-        self.oddities: Counter[tuple[str, str]] = Counter()
-        self._warned: set[str] = set()
-
-    def first_time(self, text: str) -> bool:
-        """Say whether this warning has not been given yet."""
-        if text in self._warned:
-            return False
-        self._warned.add(text)
-        return True

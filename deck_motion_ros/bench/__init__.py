@@ -1,0 +1,150 @@
+"""
+``deck_motion bench``: speed and memory, as ratios against peers measured in the same run.
+
+Each bench runs in a process of its own, linear algebra on one thread, ROS on this host only.
+On a busy machine the CPU times still hold, the latencies do not: ``chrt -f 10 deck_motion bench
+latency`` helps there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+import json
+import os
+from pathlib import Path
+import random
+import subprocess
+import sys
+from tempfile import TemporaryFile
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from deck_motion_ros.bench.figures import Figure
+from deck_motion_ros.bench.filters import kalman
+from deck_motion_ros.bench.live import latency, recorder
+from deck_motion_ros.bench.offline import memory, replay, simulator
+
+BENCHES: Mapping[str, Callable[[], Iterator[Figure]]] = {
+    'kalman': kalman, 'latency': latency, 'replay': replay, 'recorder': recorder,
+    'memory': memory, 'simulator': simulator}
+THREADS = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS')
+HEAD = ('figure', 'ours', 'unit', 'reference', 'its figure', 'ratio', 'quartiles', 'goal', '')
+
+
+def run(names: Sequence[str], json_path: Path | None, console: Console) -> int:
+    """
+    Run benches, print their figures and write them to a file.
+
+    Parameters
+    ----------
+    names : sequence of str
+        In ``BENCHES``; all if none.
+    json_path : Path or None
+        File to write.
+    console : Console
+        Where table and progress go.
+
+    Returns
+    -------
+    int
+        0, or 1 if a bench could not run; a missed goal is not an error.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or the file's folder does not exist.
+
+    """
+    for name in names:
+        if name not in BENCHES:
+            raise ValueError(f"unknown bench '{name}'; there are {', '.join(BENCHES)}")
+    if json_path and not json_path.parent.is_dir():
+        raise ValueError(f'{json_path}: there is no such folder')
+    figures: list[Figure] = []
+    failures = []
+    with Progress(TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(),
+                  console=console, transient=True, refresh_per_second=1) as progress:
+        task = progress.add_task('', total=len(names or BENCHES))
+        for name in names or BENCHES:
+            progress.update(task, description=name)
+            try:
+                figures += in_own_process(name)
+            except RuntimeError as error:
+                failures.append(f'{name}: {error}')
+            progress.advance(task)
+    console.print(_table(figures))
+    for line in failures + remarks(figures):
+        console.print(line, markup=False, soft_wrap=True)
+    if json_path:
+        rows = [figure.as_dict() for figure in figures]
+        json_path.write_text(json.dumps(rows, indent=1) + '\n')
+    return 1 if failures else 0
+
+
+def in_own_process(name: str) -> list[Figure]:
+    """
+    Run one bench alone.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails; the text holds its last words.
+
+    """
+    settings = dict.fromkeys(THREADS, '1') | {
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        'ROS_DOMAIN_ID': str(random.SystemRandom().randint(1, 100))}
+    with TemporaryFile('w+') as words, subprocess.Popen(
+            [sys.executable, '-m', 'deck_motion_ros.bench', name], env={**os.environ, **settings},
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words) as process:
+        answer, _ = process.communicate()  # after Ctrl-C the process ends its nodes by itself
+        words.seek(0)
+        last = words.read().strip().splitlines()[-1:]
+    if process.returncode:
+        raise RuntimeError(last[0] if last else f'ended with status {process.returncode}')
+    return [Figure(**row) for row in json.loads(answer)]
+
+
+def remarks(figures: Sequence[Figure]) -> list[str]:
+    """Say which peers were missing and whether the machine was too busy to trust latencies."""
+    lines = [f'{figure.reference}: no ratio for {figure.bench} {figure.name}'
+             for figure in figures if figure.reference and figure.reference_value is None]
+    load, cores = os.getloadavg()[0], os.cpu_count() or 1
+    if load > cores:
+        lines.append(f'the machine is busy ({load:.1f} processes on {cores} cores): '
+                     'latencies are not to be trusted')
+    return lines
+
+
+def markdown(figures: Sequence[Figure]) -> str:
+    """Write figures as a Markdown table."""
+    lines = [HEAD, ('---',) * len(HEAD), *map(cells, figures)]
+    return ''.join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def cells(figure: Figure) -> tuple[str, ...]:
+    """Write a figure as the texts of one row under ``HEAD``."""
+    spread = figure.spread and '{:.3g} to {:.3g}'.format(*figure.spread)
+    verdict = {None: '', True: 'met', False: 'missed'}[figure.met]
+    return (f'{figure.bench} {figure.name}', _text(figure.value), figure.unit,
+            figure.reference or '', _text(figure.reference_value), _text(figure.ratio),
+            spread or '', figure.goal, verdict)
+
+
+def _text(number: float | None) -> str:
+    if number is None:
+        return ''
+    return f'{number:,.0f}' if abs(number) >= 1000 or number == int(number) else f'{number:.3g}'
+
+
+def _table(figures: Sequence[Figure]) -> Table:
+    table = Table(*HEAD, box=None)
+    for column in (1, 4, 5):
+        table.columns[column].justify = 'right'
+    for figure in figures:
+        style = {None: '', True: 'green', False: 'red'}[figure.met]
+        *rest, verdict = cells(figure)
+        table.add_row(*rest, f'[{style}]{verdict}[/]' if style else verdict)
+    return table

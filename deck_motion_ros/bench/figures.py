@@ -84,19 +84,15 @@ def alternated(rounds: int, *tasks: Callable[[], object]) -> list[list[float]]:
     Returns
     -------
     list of list of float
-        For each task the CPU seconds of this process in each round: other programs do not
-        count. The garbage of one task is collected before the next; it runs without collector.
+        For each task the CPU seconds of this process in each round, so that other programs do
+        not count. The garbage of one task is collected before the next.
 
     """
     times: list[list[float]] = [[] for _ in tasks]
-    collecting = gc.isenabled()
     for _ in range(rounds):
         for task, seconds in zip(tasks, times, strict=True):
             gc.collect()
-            gc.disable()
             start = process_time()
             task()
             seconds.append(process_time() - start)
-            if collecting:
-                gc.enable()
     return times

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -29,7 +30,9 @@ AGREEMENT = 1e-9
 def kalman(steps: int = 20_000, runs: int = 1000, run_steps: int = 600,
            rounds: int = 9) -> Iterator[Figure]:
     """
-    Measure one filter step by step, and many at once.
+    Measure one filter step by step, and a Monte Carlo of many.
+
+    Both predict 3 s ahead at every step, the single filter with the variance.
 
     Parameters
     ----------
@@ -47,34 +50,31 @@ def kalman(steps: int = 20_000, runs: int = 1000, run_steps: int = 600,
 
     """
     rng = np.random.default_rng(1)
-    values = _measured(LI2014_PITCH, steps, 1, rng)[:, 0].tolist()
-    fewer = values[:max(steps // 20, 1)]
-    for name, ours, theirs in (
-            ('step', single_filter, filterpy_filter),
-            ('step_and_3s_prediction', single_filter_ahead, filterpy_filter_ahead)):
-        yield _against(name, 'filterpy', '>= 30', rounds, ours, values, theirs, fewer)
-    tables = [_measured(process, run_steps, runs, rng) for process in AXES]
-    yield _against('monte_carlo', 'simdkalman', '>= 50', rounds // 2 + 1,
-                   many_filters, tables, simdkalman_filters, tables)
 
+    def measured(process: ShapingFilter, steps: int, runs: int) -> Array:
+        truth = simulate_runs(process, DT, steps, runs, rng)
+        return truth + SD * rng.normal(size=truth.shape)
 
-def _measured(process: ShapingFilter, steps: int, runs: int, rng: np.random.Generator) -> Array:
-    truth = simulate_runs(process, DT, steps, runs, rng)
-    return truth + SD * rng.normal(size=truth.shape)
+    values = measured(LI2014_PITCH, steps, 1)[:, 0].tolist()
+    yield _against('step', 'filterpy', '>= 30', rounds, single_filter, values,
+                   filterpy_filter, values[:max(steps // 20, 1)])
+    tables = [measured(process, run_steps, runs) for process in AXES]
+    yield _against('monte_carlo', 'simdkalman', '>= 50', rounds // 2 + 1, many_filters, tables,
+                   simdkalman_filters, tables)
 
 
 def _against(name: str, peer: str, goal: str, rounds: int, ours: Callable[[Any], Any], values: Any,
              theirs: Callable[[Any], Any], fewer: Any) -> Figure:
     """Compare two ways to the same answer, of which the peer's may be given fewer values."""
-    tasks = {ours: values}
+    tasks = [(ours, values)]
     try:
         check(ours(fewer), theirs(fewer), peer)
-        tasks[theirs] = fewer
+        tasks.append((theirs, fewer))
     except ImportError:
         peer += ' (not installed)'
-    times = alternated(rounds, *(lambda f=f, z=z: f(z) for f, z in tasks.items()))
-    rates = [np.divide(np.size(z), seconds).tolist()
-             for z, seconds in zip(tasks.values(), times, strict=True)]
+    times = alternated(rounds, *(partial(task, given) for task, given in tasks))
+    rates = [[np.size(given) / second for second in seconds]
+             for (_, given), seconds in zip(tasks, times, strict=True)]
     return compared('kalman', name, 'steps/s', rates[0], peer, rates[1] if rates[1:] else [], goal)
 
 
@@ -85,18 +85,8 @@ def check(ours: Any, theirs: Any, peer: str) -> None:
         raise RuntimeError(f'{peer} computes something else: difference {difference:g}')
 
 
-def single_filter(values: list[float]) -> State:
-    """Filter measurements of pitch one by one; the last estimate and its covariance."""
-    process, var = LI2014_PITCH, SD**2
-    transition, noise = process.step(DT)
-    state: State = (0.0, 0.0, *process.stationary)
-    for value in values:
-        state, _ = step(state, transition, noise, value, var)
-    return state
-
-
-def single_filter_ahead(values: list[float]) -> tuple[float, float]:
-    """Do as :func:`single_filter`, but predict 3 s ahead at each step; the last mean and variance."""
+def single_filter(values: list[float]) -> tuple[float, float]:
+    """Filter measurements of pitch one by one; return the last prediction and its variance."""
     process, var = LI2014_PITCH, SD**2
     transition, noise = process.step(DT)
     far, far_noise = process.step(HORIZON)
@@ -107,35 +97,21 @@ def single_filter_ahead(values: list[float]) -> tuple[float, float]:
     return ahead
 
 
-def filterpy_filter(values: list[float]) -> State:
+def filterpy_filter(values: list[float]) -> tuple[float, float]:
     """Do as :func:`single_filter` with filterpy's ``KalmanFilter``."""
-    peer = _filterpy()
-    for value in values:
-        peer.predict()
-        peer.update(value)
-    return (*peer.x[:, 0], peer.P[0, 0], peer.P[0, 1], peer.P[1, 1])
-
-
-def filterpy_filter_ahead(values: list[float]) -> tuple[float, float]:
-    """Do as :func:`single_filter_ahead` with filterpy's ``KalmanFilter``."""
-    peer = _filterpy()
-    far, far_noise = _matrices(LI2014_PITCH, HORIZON)
+    peer = import_module('filterpy.kalman').KalmanFilter(dim_x=2, dim_z=1)
+    peer.F, peer.Q, peer.P = _matrices(LI2014_PITCH, DT)
+    peer.H, peer.R = np.array([[1.0, 0.0]]), np.array([[SD**2]])
+    far, far_noise, _ = _matrices(LI2014_PITCH, HORIZON)
     for value in values:
         peer.predict()
         peer.update(value)
         mean, cov = peer.get_prediction(F=far, Q=far_noise)
-    return (mean[0, 0], cov[0, 0])
-
-
-def _filterpy() -> Any:
-    peer = import_module('filterpy.kalman').KalmanFilter(dim_x=2, dim_z=1)
-    peer.F, peer.Q = _matrices(LI2014_PITCH, DT)
-    peer.H, peer.R, peer.P = np.array([[1.0, 0.0]]), np.array([[SD**2]]), _stationary(LI2014_PITCH)
-    return peer
+    return mean[0, 0], cov[0, 0]
 
 
 def many_filters(tables: list[Array]) -> list[Array]:
-    """Filter three axes' measurements, (steps, runs) each, and predict 3 s ahead."""
+    """Filter three axes' measurements, (steps, runs) each; return the predictions."""
     return [filtered_runs(process, DT, gain_sequence(process, DT, SD**2, len(values)), values,
                           HORIZON)
             for process, values in zip(AXES, tables, strict=True)]
@@ -143,21 +119,18 @@ def many_filters(tables: list[Array]) -> list[Array]:
 
 def simdkalman_filters(tables: list[Array]) -> list[Array]:
     """Do as :func:`many_filters` with simdkalman, spared its smoother and covariances."""
-    kind = import_module('simdkalman').KalmanFilter
-    ahead = []
+    kind, ahead = import_module('simdkalman').KalmanFilter, []
     for process, values in zip(AXES, tables, strict=True):
-        peer = kind(*_matrices(process, DT), np.array([[1.0, 0.0]]), SD**2)
-        done = peer.compute(values.T, 0, np.zeros(2), _stationary(process), smoothed=False,
-                            filtered=True, covariances=False, observations=False)
+        mat_phi, mat_q, stationary = _matrices(process, DT)
+        done = kind(mat_phi, mat_q, np.array([[1.0, 0.0]]), SD**2).compute(
+            values.T, 0, np.zeros(2), stationary, smoothed=False, filtered=True,
+            covariances=False, observations=False)
         ahead.append((done.filtered.states.mean @ process.transition(HORIZON)[:2]).T)
     return ahead
 
 
-def _matrices(process: ShapingFilter, dt: float) -> tuple[Array, Array]:
-    transition, (q11, q12, q22) = process.step(dt)
-    return np.reshape(transition, (2, 2)), np.array([[q11, q12], [q12, q22]])
-
-
-def _stationary(process: ShapingFilter) -> Array:
-    p11, p12, p22 = process.stationary
-    return np.array([[p11, p12], [p12, p22]])
+def _matrices(process: ShapingFilter, dt: float) -> tuple[Array, Array, Array]:
+    """Return transition, noise and stationary covariance as the peers take them."""
+    transition, noise = process.step(dt)
+    mat_q, stationary = (np.array([[a, b], [b, c]]) for a, b, c in (noise, process.stationary))
+    return np.reshape(transition, (2, 2)), mat_q, stationary

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import count
 import os
 from pathlib import Path
@@ -21,7 +21,8 @@ from deck_motion_ros.simulation.simulator import ShipSimulator, SimulatorConfig
 from deck_motion_ros.topics import BY_NAME
 
 RATE = 100.0  # Hz
-BUILDERS = {'ship/imu': messages.imu_message, 'ship/heave': messages.heave_message}
+BUILDERS: Mapping[str, Callable[[Any, Any], Any]] = {
+    'ship/imu': messages.imu_message, 'ship/heave': messages.heave_message}
 START = 10**18  # ns
 
 
@@ -34,6 +35,7 @@ def replay(duration: float = 600.0, rounds: int = 3) -> Iterator[Figure]:
     duration : float
         Of the bag (s).
     rounds : int
+        Of both.
 
     """
     from rosbags.rosbag2 import Reader
@@ -83,6 +85,7 @@ def simulator(duration: float = 60.0, rounds: int = 5) -> Iterator[Figure]:
     duration : float
         Simulated in a round (s).
     rounds : int
+        How many.
 
     """
     config = SimulatorConfig(duration=duration)
@@ -111,20 +114,20 @@ def memory(first: float = 60.0, last: float = 3600.0) -> Iterator[Figure]:
     """
     types = _node_types()
     pipeline = PredictorPipeline(PredictorConfig(), types, lambda text: None)
-    resident = [_resident(feed(pipeline, types, start, end))
-                for start, end in ((0.0, first), (first, last))]
+    resident = []
+    for start, end in ((0.0, first), (first, last)):
+        feed(pipeline, types, start, end)
+        resident.append(_resident())
     yield compared('memory', 'resident', 'MB', resident[1:], f'after {first:g} s', resident[:1])
     yield Figure('memory', 'growth', resident[1] - resident[0], 'MB', goal='<= 5')
 
 
-def feed(pipeline: PredictorPipeline, types: Any, start: float, end: float) -> int:
-    """Give a pipeline imu and heave from ``start`` to ``end`` (s); return its outputs' number."""
-    made = 0
+def feed(pipeline: PredictorPipeline, types: Any, start: float, end: float) -> None:
+    """Give a pipeline imu and heave from ``start`` to ``end`` (s) and use up what it says."""
     for k in range(round(start * RATE), round(end * RATE)):
         for name, sample in zip(BUILDERS, ship_at(round(k * NANOSECONDS / RATE)), strict=True):
             for _ in pipeline.take(name, BUILDERS[name](types, sample)):
-                made += 1
-    return made
+                pass
 
 
 def _node_types() -> Any:
@@ -138,7 +141,7 @@ def _node_types() -> Any:
     return RclTypes()
 
 
-def _resident(_: int) -> float:
+def _resident() -> float:
     """Return this process's resident memory now (MB)."""
     pages = int(Path('/proc/self/statm').read_text().split()[1])
     return pages * os.sysconf('SC_PAGE_SIZE') / 1e6

@@ -296,19 +296,27 @@ class ForecastScore:
     the slope of what came on d (1 for a right model, 0 for a useless one: then the mean is the
     best forecast) and the ratio of the error of slope * d to its promise, the noise of what came
     set aside.
+
+    Parameters
+    ----------
+    ratio : float
+        Believed of real to promised squared error before any forecast came true.
+
     """
 
     HORIZONS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
     SPACING = 0.5  # s between forecasts that are kept
     HALF_LIFE = 120.0  # s
-    PRIOR = 10.0  # forecasts that the initial belief (slope 1, ratio 1) weighs
+    PRIOR = 10.0  # forecasts that the initial belief (slope 1 and the ratio) weighs
 
-    def __init__(self) -> None:
+    def __init__(self, ratio: float = 1.0) -> None:
+        self._ratio = ratio
         self._kept: deque[tuple[float, AxisFilter]] = deque()
         n = len(self.HORIZONS)
         self._slope_sums = np.zeros((2, n))  # of d * came / P and d * d / P
         self._error_sums = np.zeros((3, n))  # of error^2 / P, noise / P, and their number
-        self.slopes = self.ratios = (1.0,) * (n + 1)  # at 0 and at the horizons
+        self.slopes = (1.0,) * (n + 1)  # at 0 and at the horizons
+        self.ratios = (1.0, *(ratio,) * n)
 
     def compare(self, time: float, value: float, var: float) -> float | None:
         """
@@ -346,7 +354,7 @@ class ForecastScore:
         if errors[0] < noise[0]:  # a sensor that bad could not confirm the forecasts so well
             noise = np.zeros_like(errors)
         excess = np.maximum(errors - noise, 0.5 * errors)
-        self.ratios = (1.0, *((excess + self.PRIOR) / (number + self.PRIOR)).tolist())
+        self.ratios = (1.0, *((excess + self._ratio * self.PRIOR) / (number + self.PRIOR)).tolist())
         return recent
 
     def is_due(self, time: float) -> bool:
@@ -453,6 +461,7 @@ class TunedAxis:
     TUNE_FIRST = 20.0
     CENTRE_EVERY = 2.0
     REPLAY = 60.0
+    FIRST_RATIO = 2.0  # of squared errors, right after the first fit: it rests on little
 
     def __init__(self, prior: ShapingFilter) -> None:
         self._prior = prior
@@ -461,6 +470,7 @@ class TunedAxis:
         self.slots = Slots()
         self._recent: deque[tuple[float, float, float]] = deque()
         self._due = -inf
+        self._fitted = False
         self.last_error: tuple[float, float] | None = None
 
     def measure(self, time: float, value: float, var: float) -> bool:
@@ -470,7 +480,7 @@ class TunedAxis:
             self.last_error = (time, error)
         self.slots.add(time, value)
         if time >= self._due:
-            self._tune(time)
+            self._tune(time, var)
             for item in self._recent:
                 self.filter.measure(*item)
         self.filter.measure(time, value, var)
@@ -481,10 +491,15 @@ class TunedAxis:
                 self._recent.popleft()
         return error is not None
 
-    def _tune(self, time: float) -> None:
+    def _tune(self, time: float, var: float) -> None:
         if self.slots.span >= self.TUNE_FIRST:
             self._due = time + self.TUNE_EVERY
-            self.filter = AxisFilter(*fit_shaping_filter(self.slots))
+            process, mean, excess = fit_shaping_filter(self.slots)
+            # even a stuck sensor leaves a doubt, a fraction of its noise
+            self.filter = AxisFilter(process, mean, max(excess, var / 4))
+            if not self._fitted:  # what the prior's forecasts taught is past
+                self._fitted = True
+                self.score = ForecastScore(self.FIRST_RATIO)
         else:
             self._due = time + self.CENTRE_EVERY
             self.filter = AxisFilter(self._prior, early_mean(self.slots, self._prior.sd / 2))

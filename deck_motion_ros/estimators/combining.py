@@ -1,0 +1,108 @@
+"""Rival forecasts combined by what became of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deck_motion_ros.samples import Array
+
+Mask = NDArray[np.bool_]
+
+
+class Combination:
+    """
+    Discounted minimum-variance weights of rivals that forecast the same axes.
+
+    Kept is the covariance of the rivals' realised errors among each other, per horizon and axis.
+    The weights of one horizon are the same for all axes: pooled, they wander less. Pairs of
+    rivals of whom one is silent keep what they had.
+
+    Parameters
+    ----------
+    horizons, axes, rivals : int
+        Numbers of each.
+    half_life : float
+        Scored steps after which an error counts half.
+
+    """
+
+    RIDGE = 0.05  # of the best rival's error variance: what the estimates wander by
+
+    def __init__(self, horizons: int, axes: int, rivals: int, half_life: float) -> None:
+        self._sums = np.zeros((horizons, axes, rivals, rivals))
+        self._number = np.zeros((horizons, rivals, rivals))
+        self._fade = 0.5 ** (1 / half_life)
+
+    def score(self, errors: Array, spoke: Mask) -> None:
+        """
+        Take what the forecasts missed by.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (horizons, rivals, axes)
+            Forecast minus what came.
+        spoke : ndarray of bool, shape (horizons, rivals)
+            Who forecast.
+
+        """
+        pairs = (spoke[:, :, None] & spoke[:, None, :]).astype(float)
+        fade = 1 - (1 - self._fade) * pairs
+        vec = np.where(spoke[..., None], errors, 0.0).transpose(0, 2, 1)
+        self._sums *= fade[:, None]
+        self._sums += vec[..., :, None] * vec[..., None, :]
+        self._number *= fade
+        self._number += pairs
+
+    def introduce(self, rival: int, speaking: Mask) -> None:
+        """Believe a new rival to be as good as the best of those who speak."""
+        cov = self.covariance
+        size = np.einsum('hajj->haj', cov)
+        others = np.flatnonzero(speaking & (np.arange(len(speaking)) != rival))
+        best = size[:, :, others].min(axis=-1, keepdims=True)
+        like = int(others[np.argmin((size[:, :, others] / (best + 1e-30)).mean(axis=(0, 1)))])
+        for table in (self._sums, self._number):
+            table[..., rival, :] = table[..., like, :]
+            table[..., :, rival] = table[..., :, like]
+
+    @property
+    def covariance(self) -> Array:
+        """Error covariance among the rivals, shape (horizons, axes, rivals, rivals)."""
+        return np.asarray(self._sums / np.maximum(self._number, 1.0)[:, None])
+
+    def weights(self, speaking: Mask, floor: Array) -> Array:
+        """
+        Return the weights of those who speak: not negative, sum 1.
+
+        Parameters
+        ----------
+        speaking : ndarray of bool, shape (rivals,)
+            At least one.
+        floor : ndarray, shape (axes,)
+            Error variance below which no difference matters.
+
+        Returns
+        -------
+        ndarray, shape (horizons, rivals)
+
+        """
+        chosen = np.flatnonzero(speaking)
+        cov = self.covariance[..., chosen[:, None], chosen]
+        best = np.einsum('hajj->haj', cov).min(axis=-1) + floor
+        pooled = (cov / best[..., None, None]).mean(axis=1)
+        weights = np.zeros((len(cov), len(speaking)))
+        for row, mat in zip(weights, pooled, strict=True):
+            row[chosen] = _minimum_variance(mat + self.RIDGE * np.eye(len(chosen)))
+        return weights
+
+
+def _minimum_variance(cov: Array) -> Array:
+    """Minimise w' cov w over w >= 0 with sum 1, dropping whom the optimum would sell short."""
+    weights = np.zeros(len(cov))
+    kept = np.arange(len(cov))
+    while True:
+        share = np.linalg.solve(cov[np.ix_(kept, kept)], np.ones(len(kept)))
+        if (share > 0).all():
+            weights[kept] = share / share.sum()
+            return weights
+        kept = kept[share > 0]

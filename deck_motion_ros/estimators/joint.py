@@ -1,0 +1,378 @@
+"""All axes learned together on an even grid: rival vector autoregressions, combined and scored."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from deck_motion_ros.estimators.combining import Combination, Mask
+from deck_motion_ros.estimators.resampling import Grid
+from deck_motion_ros.estimators.var import ForgettingVar
+from deck_motion_ros.samples import Array
+
+# order, memory (both in slots of about 0.5 s), samples that couplings must be worth
+RIVALS = ((24, 200, 20), (24, 600, 0), (36, 600, 20), (60, 2400, 0), (80, 10000, 20),
+          (100, 10000, 0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointOutlook:
+    """
+    What the joint model says of the future, frozen.
+
+    Attributes
+    ----------
+    time : float
+        Of the instant from which it looks ahead (s).
+    value, rate : ndarray, shape (knots, m)
+        At ``JointModel.KNOTS`` seconds ahead, without the guest's share.
+    guest : ndarray, shape (horizons,)
+        The guest's weight at the scored horizons.
+    times : ndarray, shape (horizons,)
+        The scored horizons, seconds ahead of ``time``.
+    cov, rate_cov : ndarray, shape (horizons, m, m)
+        Error covariances of the whole combination at the scored horizons.
+    trust : float
+        How far they rest on experience: 0 not at all, 1 fully.
+
+    """
+
+    time: float
+    value: Array
+    rate: Array
+    guest: Array
+    times: Array
+    cov: Array
+    rate_cov: Array
+    trust: float
+
+
+class JointModel:
+    """
+    Learn how all axes move together and look ahead.
+
+    Rivals of different order and memory (:class:`ForgettingVar`), "the mean" and a guest from
+    outside forecast each slot; :class:`Combination` weighs them. One rival is refitted at every
+    other slot, in turn. What is promised is the combination's error variance by the rivals' error
+    covariance, times what the promises turned out to be worth.
+
+    Parameters
+    ----------
+    axes : int
+        Number of axes m.
+    grid : Grid
+
+    """
+
+    HORIZONS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # s, scored
+    KNOTS: Array = np.arange(25) * 0.5  # s ahead
+    BACK = 5  # past slots that the readout uses
+    CAPACITY = 2400  # slots remembered for the mean
+    WEIGH_EVERY = 4  # slots
+    HALF_LIFE, PROMISE_HALF_LIFE = 60.0, 120.0  # s
+    ALARM_HALF_LIVES = np.array([5.0, 20.0])  # s: to widen, to narrow
+    TRIAL = 30.0  # s of promises kept before they are trusted fully
+    BELIEF = 4.0  # slots that the initial belief in the promises weighs
+    BEYOND = 4.0  # sd: farther errors are not learned in full
+    WORST = 400.0  # squares of sd that the alarm believes
+    LEAST = 1e-12  # variance: nothing is known better (rad^2, m^2)
+
+    def __init__(self, axes: int, grid: Grid) -> None:
+        step = grid.step
+        self.axes, self.grid = axes, grid
+        shrink = min(0.5 / step, 1.0)  # slower input: as many seconds, not as many slots
+        self._rivals = [ForgettingVar(axes, max(round(order * shrink), 6), memory * shrink, cross)
+                        for order, memory, cross in RIVALS]
+        self._steps = np.unique([max(round(time / step), 1) for time in self.HORIZONS])
+        self._ahead = int((self.KNOTS[-1] + grid.age) / step) + self.BACK + 1
+        self._value_of, self._rate_of = readout(grid, self.KNOTS, self.BACK, self._ahead)
+        self._reach = max(rival.order for rival in self._rivals)
+        self._track = np.zeros((2 * self.CAPACITY * grid.ticks, axes))  # slots ending at each tick
+        self._size = 0  # of the track
+        self._run = 0  # ticks since the last interruption
+        self._turn = 0  # slots ever
+        self._learned = [0] * len(RIVALS)  # slot up to which a rival has learned
+        self._known: deque[bool] = deque(maxlen=2 * len(RIVALS))  # of the newest slots
+        self._recent: deque[Array] = deque(maxlen=grid.ticks)
+        self._mean: Array = np.zeros(axes)
+        self._low, self._high = np.full((2, axes), np.inf) * [[1], [-1]]
+        self._noise_var: Array = np.zeros(axes)
+
+        # forecasts of the coming slots, and at the scored steps: rivals and the mean
+        number, h, width = len(RIVALS) + 2, len(self._steps), self._reach * axes
+        self._forecast = np.zeros((number - 1, self._ahead, axes, width))
+        self._offset = np.zeros((number - 1, self._ahead, axes))
+        self._scored = np.zeros((number - 1, h, axes, width))
+        self._widths = [*(rival.order * axes for rival in self._rivals), 0]
+        self._fitted = np.zeros(number, bool)
+        self._fitted[-2:] = True
+        self._combination = Combination(h, axes, number, self.HALF_LIFE / step)
+        self._weights = np.zeros((h, number))
+        self._weights[:, -1] = 1.0
+        self._combined = np.zeros((self._ahead * axes, width)), np.zeros((self._ahead, axes))
+
+        # rings of what was said at the last slots; promised are value, slope and sd
+        ring = int(self._steps[-1]) + 2
+        self._said = np.zeros((ring, h, number, axes))
+        self._spoke = np.zeros((ring, number), bool)
+        self._promised = np.full((ring, 3, h, axes), np.inf)
+        # moments of normalised errors: value, slope; before any came they are believed to be 1
+        self._errors = self.BELIEF * np.broadcast_to(np.eye(axes), (2, h, axes, axes))
+        self._number = np.full(h, self.BELIEF)
+        self._promise_fade = 0.5 ** (step / self.PROMISE_HALF_LIFE)
+        self._alarm_fade = 0.5 ** (step / self.ALARM_HALF_LIVES)
+        self._alarm: Array = np.ones(2)
+
+    def interrupt(self) -> None:
+        """Forget the recent past, not what was learned: samples were missing for long."""
+        self._run = 0
+        self._recent.clear()
+        self._known.clear()
+        self._spoke[:] = False
+        self._promised[:] = np.inf
+
+    @property
+    def ends_slot(self) -> bool:
+        """Say whether the next tick ends a slot."""
+        return (self._run + 1) % self.grid.ticks == 0
+
+    @property
+    def times(self) -> Array:
+        """Seconds from an instant to the middles of the slots that are scored."""
+        return np.asarray(self._steps * self.grid.step - self.grid.age)
+
+    def advance(self, values: Array, known: bool, guest: Array | None,
+                noise_var: Array) -> None:
+        """
+        Take one tick.
+
+        Parameters
+        ----------
+        values : ndarray, shape (m,)
+            Means over the tick, or values at its end (:class:`Tick`).
+        known : bool
+            False: bridged, to be neither learned nor scored.
+        guest : ndarray, shape (horizons, m), or None
+            The guest's forecasts at ``times`` where ``ends_slot``; without them the slot is
+            learned but nothing is forecast.
+        noise_var : ndarray, shape (m,)
+            Variance of the noise of a slot.
+
+        """
+        self._recent.append(values)
+        self._run += 1
+        self._noise_var = noise_var
+        if self._size == len(self._track):
+            self._size //= 2
+            self._track[:self._size] = self._track[self._size:]
+        self._track[self._size] = sum(self._recent) / len(self._recent)
+        self._low = np.minimum(self._low, self._track[self._size])
+        self._high = np.maximum(self._high, self._track[self._size])
+        self._size += 1
+        if self._run % self.grid.ticks:
+            return
+        self._turn += 1
+        self._known.append(known)
+        if known:
+            self._score(values if self.grid.ticks == 1 else self._track[self._size - 1])
+        if self._turn % 2:
+            self._refit(self._turn // 2 % len(self._rivals))
+        if self._turn % self.WEIGH_EVERY == 0:
+            self._weigh()
+        at = self._turn % len(self._spoke)
+        self._spoke[at], self._promised[at] = False, np.inf
+        if guest is not None:
+            self._say(at, guest)
+
+    def _past(self, slots: int) -> Array:
+        """Return the last slots (slots, m), the newest first; the mean before they began."""
+        there = min(slots, self._run // self.grid.ticks)
+        past = np.empty((slots, self.axes))
+        past[:there] = self._newest(there)
+        past[there:] = self._mean
+        return past
+
+    def _newest(self, slots: int) -> Array:
+        ticks, size = self.grid.ticks, self._size
+        return self._track[size - 1 - (slots - 1) * ticks:size:ticks][::-1][:slots]
+
+    def _score(self, slot: Array) -> None:
+        """Compare what was said for this slot with it."""
+        rows, ring = np.arange(len(self._steps)), len(self._spoke)
+        back = (self._turn - self._steps) % ring
+        value, _, sd = self._promised[back, :, rows].transpose(1, 0, 2)
+        kept = np.isfinite(sd[:, 0])
+        errors = np.where(np.isfinite(sd), value - slot, 0.0) / sd
+        usual = self._usual(0)
+        worth = np.minimum(np.square(errors) / usual, self.WORST)[kept & (self.times < 3.1)]
+        if len(worth):
+            self._alarm += (1 - self._alarm_fade) * (float(worth.mean()) - self._alarm)
+        tame = self._tame(errors, usual)
+        self._combination.score((self._said[back, rows] - slot) * tame[:, None],
+                                self._spoke[back])
+        self._number *= np.where(kept, self._promise_fade, 1.0)
+        self._number += kept
+        self._keep(0, errors * tame, kept)
+        # the slope at the slot before, now that its other side is known
+        _, slope, sd = self._promised[back - 1, :, rows].transpose(1, 0, 2)
+        came = (slot - self._past(3)[2]) / (2 * self.grid.step)
+        errors = np.where(np.isfinite(sd), slope - came, 0.0) / sd
+        self._keep(1, errors * self._tame(errors, self._usual(1)), np.isfinite(sd[:, 0]))
+
+    def _usual(self, kind: int) -> Array:
+        """Mean squares of the normalised errors, shape (horizons, m)."""
+        return np.asarray(np.einsum('hii->hi', self._errors[kind]) / self._number[:, None])
+
+    def _tame(self, errors: Array, usual: Array) -> Array:
+        """Scale what is beyond BEYOND of the usual back to it: the alarm is for that."""
+        return 1 / np.maximum(np.abs(errors) / (self.BEYOND * np.sqrt(usual)), 1.0)
+
+    def _keep(self, kind: int, errors: Array, kept: Mask) -> None:
+        fade = np.where(kept, self._promise_fade, 1.0)
+        self._errors[kind] *= fade[:, None, None]
+        self._errors[kind] += errors[:, :, None] * errors[:, None, :]
+
+    def _refit(self, index: int) -> None:
+        """Let one rival learn the slots since its last turn and solve."""
+        rival = self._rivals[index]
+        new = min(self._turn - self._learned[index], len(self._known),
+                  self._run // self.grid.ticks - rival.order)
+        self._learned[index] = self._turn
+        if new > 0:
+            rival.learn(self._newest(rival.order + new)[::-1], np.array(self._known)[-new:])
+        if not rival.is_ready:
+            return
+        self._mean = self._smooth_mean(rival.memory)
+        forecast, offset = rival.solve(self._mean, np.sqrt(self._noise_var)).ahead(self._ahead)
+        width = forecast.shape[2]
+        self._forecast[index, ..., :width] = forecast
+        self._scored[index, ..., :width] = forecast[self._steps - 1]
+        self._offset[index] = offset
+        if not self._fitted[index]:
+            self._fitted[index] = True
+            self._combination.introduce(index, self._speaking)
+
+    def _smooth_mean(self, memory: float) -> Array:
+        """Average the last two memories with a Hann window: waves cancel as in no plain mean."""
+        count = min(int(2 * memory), self.CAPACITY, self._size // self.grid.ticks)
+        window = np.sin(np.pi * (np.arange(count) + 0.5) / count)**2
+        return np.asarray(window @ self._newest(count) / window.sum())
+
+    @property
+    def _speaking(self) -> Mask:
+        """Who has a model and the past it needs."""
+        slots = self._run // self.grid.ticks
+        return np.asarray(self._fitted & np.array(
+            [*(rival.order <= slots for rival in self._rivals), True, True]))
+
+    def _weigh(self) -> None:
+        """Renew the weights and the combined forecast of all but the guest."""
+        self._weights = self._combination.weights(self._speaking, self._noise_var + self.LEAST)
+        self._offset[-1] = self._mean
+        own = self._weights[:, :-1] + np.eye(len(self._weights[0]) - 1)[-1] * 1e-12
+        own /= own.sum(axis=1, keepdims=True)
+        steps = np.arange(1, self._ahead + 1)
+        used = np.flatnonzero(own.max(axis=0) > 1e-6)
+        shares = np.stack([np.interp(steps, self._steps, own[:, k]) for k in used], axis=1)
+        forecast = np.zeros_like(self._forecast[0])
+        for k, column in zip(used, shares.T, strict=True):
+            width = self._widths[k]
+            forecast[..., :width] += column[:, None, None] * self._forecast[k, ..., :width]
+        self._combined = (forecast.reshape(-1, forecast.shape[2]),
+                          np.einsum('kj,jka->ka', shares, self._offset[used]))
+
+    def _trajectory(self, past: Array) -> Array:
+        """Look ahead: the coming slots, shape (ahead, m), without the guest."""
+        forecast, offset = self._combined
+        return self._bounded((forecast @ past.ravel()).reshape(offset.shape) + offset)
+
+    def _bounded(self, slots: Array) -> Array:
+        """Keep forecasts within what the axes have ever done, and half as much again."""
+        middle, half = (self._high + self._low) / 2, 0.75 * (self._high - self._low)
+        return np.asarray(np.clip(slots, middle - half, middle + half))
+
+    def _say(self, at: int, guest: Array) -> None:
+        """Note what everybody forecasts now, and what is promised of the combination."""
+        past, steps = self._past(self._reach), self._steps
+        flat = self._scored.reshape(-1, self._scored.shape[3]) @ past.ravel()
+        said = self._bounded(flat.reshape(self._scored.shape[:3]) + self._offset[:, steps - 1])
+        self._said[at, :, :-1] = said.transpose(1, 0, 2)
+        self._said[at, :, -1] = guest
+        self._spoke[at] = self._speaking
+        slots = np.vstack([past[:1], self._trajectory(past)])
+        slope = (slots[steps + 1] - slots[steps - 1]) / (2 * self.grid.step)
+        guest_slope = (guest[1:] - guest[:-1]) / np.diff(self.times)[:, None]
+        guest_slope = np.vstack([guest_slope, guest_slope[-1:]])
+        share = self._weights[:, -1, None]
+        self._promised[at] = (share * guest + (1 - share) * slots[steps],
+                              share * guest_slope + (1 - share) * slope, self._promised_sd())
+
+    def _promised_sd(self) -> Array:
+        cov = self._combination.covariance
+        weighted = np.einsum('hj,haji->hai', self._weights, cov)
+        var = np.einsum('hai,hi->ha', weighted, self._weights)
+        return np.asarray(np.sqrt(var + self._noise_var + self.LEAST))
+
+    def outlook(self, time: float) -> JointOutlook:
+        """Freeze what is known at the newest instant, ``time`` (s)."""
+        past = self._past(self._reach)
+        slots = np.vstack([past[self.BACK - 1::-1], self._trajectory(past)])
+        sd = self._promised_sd()
+        unit = sd[:, :, None] * sd[:, None, :] / self._number[:, None, None]
+        noise = self._noise_var
+        widen = max(float(self._alarm[0]) / 1.5, min(float(self._alarm[1]) / 0.6, 1.0))
+        return JointOutlook(
+            time, self._value_of @ slots, self._rate_of @ slots, self._weights[:, -1], self.times,
+            widen * _without(unit * self._errors[0], noise),
+            widen * _without(unit * self._errors[1], noise / (2 * self.grid.step**2)),
+            float(np.clip((self._number.min() - self.BELIEF) * self.grid.step / self.TRIAL,
+                          0.0, 1.0)))
+
+
+def _without(cov: Array, noise: Array) -> Array:
+    """Set the noise of what came aside, at most half of the variance."""
+    var = np.einsum('hii->hi', cov)
+    root = np.sqrt(1 - np.minimum(noise / np.maximum(var, 1e-30), 0.5))
+    return np.asarray(cov * root[:, :, None] * root[:, None, :])
+
+
+def readout(grid: Grid, times: Array, back: int, ahead: int) -> tuple[Array, Array]:
+    """
+    Read values and rates off a series of slots: the best linear interpolation of ship motion.
+
+    The slots' averaging is undone. Motion is taken to have power up to 0.45 Hz, or as far as the
+    slots can carry, falling off above 0.25 Hz; a slot to have noise of 1e-4 of it.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of the slots.
+    times : ndarray, shape (n,)
+        Seconds after the end of the newest past slot.
+    back, ahead : int
+        Slots before and after that instant.
+
+    Returns
+    -------
+    value, rate : ndarray, shape (n, back + ahead)
+        Weights of the slots.
+
+    """
+    frequency = np.linspace(0, min(0.45, 0.45 / grid.step), 100)
+    power = 1 / (1 + (frequency / 0.25)**4)
+    power /= power.sum()
+    passes = (np.sinc(frequency * grid.step) * np.sinc(frequency * grid.tick)**2
+              if grid.ticks > 1 else np.ones(len(frequency)))
+    middles = np.arange(1 - back, ahead + 1) * grid.step - grid.age
+    omega = 2 * np.pi * frequency
+    value, rate = np.zeros((2, len(times), back + ahead))
+    for k, time in enumerate(times):
+        near = np.argsort(np.abs(middles - time), kind='stable')[:2 * back]
+        lags = middles[near, None] - middles[near]
+        cov = np.cos(lags[..., None] * omega) @ (power * passes**2) + 1e-4 * np.eye(len(near))
+        shift = np.outer(time - middles[near], omega)
+        value[k, near] = np.linalg.solve(cov, np.cos(shift) @ (power * passes))
+        rate[k, near] = np.linalg.solve(cov, -np.sin(shift) @ (power * passes * omega))
+    return value, rate
