@@ -136,7 +136,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     if arguments.params_file:
         params = read_params_file(arguments.params_file, arguments.node, arguments.namespace)
     params |= parse_assignments(arguments.param)
-    with Progress(console=errors, transient=True) as progress:
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task('replaying', total=1.0)
         done = replay(
             arguments.in_bag, arguments.out_bag, arguments.node, params,

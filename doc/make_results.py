@@ -38,10 +38,8 @@ RECORDS = (
      {'5 m aft': [-5.0, 0.0, 0.0], '5 m to port': [0.0, 5.0, 0.0]}),
     ('Waverider buoy, heave alone, 1.28 Hz, 12 h', 'ship/waverider_2005-07-01_first12h.csv',
      {'reference point': [0.0, 0.0, 0.0]}))
-HEAD = """# Results
-
-Written by `python doc/make_results.py` on {machine}. Speeds are ratios measured side by side in one run, so that they carry over to other machines.
-"""
+HEAD = ('# Results\n\nWritten by `python doc/make_results.py` on {machine}. Speeds are ratios measured '
+        'side by side in one run, so that they carry over to other machines.')
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:
@@ -55,8 +53,8 @@ def papers() -> str:
              '' if row.floor is None else f'{row.floor:.4g}',
              '' if row.floor is None else f'{row.value / row.floor:.3f}']
             for row in li2014()]
-    return ('## The papers\n\n`deck_motion papers Li2014 --runs 1000`: rms errors 3 s ahead of the '
-            'noise-free truth; the floor is the Riccati bound.\n\n'
+    return ('## The papers\n\n`deck_motion papers Li2014 --runs 1000`: rms errors 3 s ahead '
+            'of the noise-free truth; the floor is the Riccati bound.\n\n'
             + table(['paper', 'figure', 'ours', 'floor', 'ours / floor'], rows))
 
 
@@ -70,15 +68,16 @@ def recordings() -> str:
                 import_file(DATA / file, bag)
                 replay(bag, out, 'predictor', {'lever_arm': arm})
                 judged = assessed(read_record(out)).judged
-            unit, scale = ('m', 1.0) if np.std(judged.came) > 0.1 else ('cm', 100.0)
-            rows.append([name, point, *(f'{scale * value:.2f} {unit}' for value in (
-                judged.rmse, judged.persistence, float(np.std(judged.came)))),
-                f'{judged.rmse / np.std(judged.came):.2f}', f'{100 * judged.coverage(0.95):.0f} %'])
+            sd = float(np.std(judged.came))
+            unit, scale = ('m', 1.0) if sd > 0.1 else ('cm', 100.0)
+            rows.append([name, point, *(
+                f'{scale * value:.2f} {unit}' for value in (judged.rmse, judged.persistence, sd)),
+                f'{judged.rmse / sd:.2f}', f'{100 * judged.coverage(0.95):.0f} %'])
             name = ''
-    return ('## Recordings of real ships\n\nNobody simulated these. `deck_motion import FILE bag`, '
-            '`deck_motion replay bag out --node predictor -p lever_arm:="[-35.0, 0.0, 0.0]"`, '
-            '`deck_motion report out`: 3 s ahead, cold start, causal, scored against the '
-            'measurements from second 120 on.\n\n' + table(
+    return ('## Recordings of real ships\n\nNobody simulated these. '
+            '`deck_motion import FILE bag`, `deck_motion replay bag out --node predictor '
+            '-p lever_arm:="[-35.0, 0.0, 0.0]"`, `deck_motion report out`: 3 s ahead, cold start, '
+            'causal, scored against the measurements from second 120 on.\n\n' + table(
                 ['record', 'point', 'rms error', 'if it stayed as it is', 'sd of the motion',
                  'error / sd', 'within the 95 % interval'], rows))
 

@@ -354,7 +354,8 @@ class ForecastScore:
         if errors[0] < noise[0]:  # a sensor that bad could not confirm the forecasts so well
             noise = np.zeros_like(errors)
         excess = np.maximum(errors - noise, 0.5 * errors)
-        self.ratios = (1.0, *((excess + self._ratio * self.PRIOR) / (number + self.PRIOR)).tolist())
+        ratios = (excess + self._ratio * self.PRIOR) / (number + self.PRIOR)
+        self.ratios = (1.0, *ratios.tolist())
         return recent
 
     def is_due(self, time: float) -> bool:
@@ -475,7 +476,8 @@ class TunedAxis:
 
     def measure(self, time: float, value: float, var: float) -> bool:
         """Use a measurement at ``time`` (s); say whether there is a new ``last_error``."""
-        error = self.score.compare(time, value, var)
+        scored = self.score.is_due(time)
+        error = self.score.compare(time, value, var) if scored else None
         if error is not None:
             self.last_error = (time, error)
         self.slots.add(time, value)
@@ -484,7 +486,8 @@ class TunedAxis:
             for item in self._recent:
                 self.filter.measure(*item)
         self.filter.measure(time, value, var)
-        self.score.keep(time, self.filter)
+        if scored:
+            self.score.keep(time, self.filter)
         if not self._recent or time - self._recent[-1][0] >= 0.9 * Slots.SLOT:
             self._recent.append((time, value, var))
             while time - self._recent[0][0] > self.REPLAY:
