@@ -34,8 +34,8 @@ after it: frame `ship_level` is the parameter `ship_level_frame`.
 """
 
 REMARKS = """\
-Values are checked at the start: a `double` needs its decimal point (`horizon:=3.0`, not `3`), and
-a name that no parameter has is named in a warning. Besides its own, each node takes
+Values are checked at the start (`3` is taken for `3.0`), and a name that no parameter has is
+named in a warning. Besides its own, each node takes
 `use_sim_time` and, for its publishers and subscriptions, `qos_overrides`.
 """
 

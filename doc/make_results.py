@@ -38,8 +38,8 @@ RECORDS = (
      {'5 m aft': [-5.0, 0.0, 0.0], '5 m to port': [0.0, 5.0, 0.0]}),
     ('Waverider buoy, heave alone, 1.28 Hz, 12 h', 'ship/waverider_2005-07-01_first12h.csv',
      {'reference point': [0.0, 0.0, 0.0]}))
-HEAD = ('# Results\n\nWritten by `python doc/make_results.py` on {machine}. Speeds are ratios measured '
-        'side by side in one run, so that they carry over to other machines.')
+HEAD = ('# Results\n\nWritten by `python doc/make_results.py` on {machine}. Speeds are ratios '
+        'measured side by side in one run, so that they carry over to other machines.')
 
 
 def table(head: list[str], rows: list[list[str]]) -> str:

@@ -30,9 +30,9 @@ AGREEMENT = 1e-9
 def kalman(steps: int = 20_000, runs: int = 1000, run_steps: int = 600,
            rounds: int = 9) -> Iterator[Figure]:
     """
-    Measure one filter step by step, and a Monte Carlo of many.
+    Measure one filter step by step, without and with a prediction 3 s ahead, and a Monte Carlo.
 
-    Both predict 3 s ahead at every step, the single filter with the variance.
+    The Monte Carlo predicts at every step too.
 
     Parameters
     ----------
@@ -56,8 +56,10 @@ def kalman(steps: int = 20_000, runs: int = 1000, run_steps: int = 600,
         return truth + SD * rng.normal(size=truth.shape)
 
     values = measured(LI2014_PITCH, steps, 1)[:, 0].tolist()
-    yield _against('step', 'filterpy', '>= 30', rounds, single_filter, values,
-                   filterpy_filter, values[:max(steps // 20, 1)])
+    for name, goal, predict in (('step', '>= 30', False), ('step_and_prediction', '', True)):
+        yield _against(name, 'filterpy', goal, rounds, partial(single_filter, predict=predict),
+                       values, partial(filterpy_filter, predict=predict),
+                       values[:max(steps // 20, 1)])
     tables = [measured(process, run_steps, runs) for process in AXES]
     yield _against('monte_carlo', 'simdkalman', '>= 50', rounds // 2 + 1, many_filters, tables,
                    simdkalman_filters, tables)
@@ -85,19 +87,20 @@ def check(ours: Any, theirs: Any, peer: str) -> None:
         raise RuntimeError(f'{peer} computes something else: difference {difference:g}')
 
 
-def single_filter(values: list[float]) -> tuple[float, float]:
-    """Filter measurements of pitch one by one; return the last prediction and its variance."""
+def single_filter(values: list[float], predict: bool = True) -> tuple[float, float]:
+    """Filter measurements of pitch one by one; return the last prediction (estimate), its var."""
     process, var = LI2014_PITCH, SD**2
     transition, noise = process.step(DT)
     far, far_noise = process.step(HORIZON)
     state: State = (0.0, 0.0, *process.stationary)
     for value in values:
         state, _ = step(state, transition, noise, value, var)
-        ahead = predicted_output(state, far, far_noise)
-    return ahead
+        if predict:
+            ahead = predicted_output(state, far, far_noise)
+    return ahead if predict else (state[0], state[2])
 
 
-def filterpy_filter(values: list[float]) -> tuple[float, float]:
+def filterpy_filter(values: list[float], predict: bool = True) -> tuple[float, float]:
     """Do as :func:`single_filter` with filterpy's ``KalmanFilter``."""
     peer = import_module('filterpy.kalman').KalmanFilter(dim_x=2, dim_z=1)
     peer.F, peer.Q, peer.P = _matrices(LI2014_PITCH, DT)
@@ -106,7 +109,10 @@ def filterpy_filter(values: list[float]) -> tuple[float, float]:
     for value in values:
         peer.predict()
         peer.update(value)
-        mean, cov = peer.get_prediction(F=far, Q=far_noise)
+        if predict:
+            mean, cov = peer.get_prediction(F=far, Q=far_noise)
+    if not predict:
+        mean, cov = peer.x, peer.P
     return mean[0, 0], cov[0, 0]
 
 

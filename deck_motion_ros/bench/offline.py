@@ -13,7 +13,7 @@ import numpy as np
 
 from deck_motion_ros import messages
 from deck_motion_ros.bench.figures import alternated, compared, Figure
-from deck_motion_ros.bench.live import ship_at
+from deck_motion_ros.bench.live import FIRST_STAMP, ship_at
 from deck_motion_ros.estimators.touchdown import PredictorConfig
 from deck_motion_ros.pipelines import PredictorPipeline
 from deck_motion_ros.samples import NANOSECONDS
@@ -23,7 +23,6 @@ from deck_motion_ros.topics import BY_NAME
 RATE = 100.0  # Hz
 BUILDERS: Mapping[str, Callable[[Any, Any], Any]] = {
     'ship/imu': messages.imu_message, 'ship/heave': messages.heave_message}
-START = 10**18  # ns
 
 
 def replay(duration: float = 600.0, rounds: int = 3) -> Iterator[Figure]:
@@ -70,7 +69,7 @@ def write_ship(bag: Path, duration: float) -> None:
     with BagWriter(bag, atomic=True) as writer:
         for name in BUILDERS:
             writer.add_topic(f'/{name}', BY_NAME[name].type)
-        for time, name, sample in ShipSimulator(config, START):
+        for time, name, sample in ShipSimulator(config, FIRST_STAMP):
             if name in BUILDERS:
                 msg = BUILDERS[name](types, sample)
                 writer.write(f'/{name}', time, encode(BY_NAME[name].type, msg))
@@ -91,7 +90,7 @@ def simulator(duration: float = 60.0, rounds: int = 5) -> Iterator[Figure]:
     config = SimulatorConfig(duration=duration)
 
     def run() -> None:
-        for _ in ShipSimulator(config, START):
+        for _ in ShipSimulator(config, FIRST_STAMP):
             pass
 
     times, = alternated(rounds, run)
@@ -102,7 +101,7 @@ def simulator(duration: float = 60.0, rounds: int = 5) -> Iterator[Figure]:
 
 def memory(first: float = 60.0, last: float = 3600.0) -> Iterator[Figure]:
     """
-    Feed the predictor, of default settings, 100 Hz as fast as it takes them; watch its memory.
+    Feed the predictor with method ``shaping`` 100 Hz as fast as it takes them; watch its memory.
 
     The process is this one: run by itself, as ``deck_motion bench`` does.
 
@@ -113,7 +112,7 @@ def memory(first: float = 60.0, last: float = 3600.0) -> Iterator[Figure]:
 
     """
     types = _node_types()
-    pipeline = PredictorPipeline(PredictorConfig(), types, lambda text: None)
+    pipeline = PredictorPipeline(PredictorConfig(method='shaping'), types, lambda text: None)
     resident = []
     for start, end in ((0.0, first), (first, last)):
         feed(pipeline, types, start, end)

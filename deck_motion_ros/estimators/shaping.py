@@ -6,6 +6,7 @@ from bisect import bisect_right
 from collections import deque
 from functools import lru_cache
 from math import floor, inf, nan, radians, sqrt
+from typing import Protocol
 
 import numpy as np
 
@@ -476,8 +477,7 @@ class TunedAxis:
 
     def measure(self, time: float, value: float, var: float) -> bool:
         """Use a measurement at ``time`` (s); say whether there is a new ``last_error``."""
-        scored = self.score.is_due(time)
-        error = self.score.compare(time, value, var) if scored else None
+        error = self.score.compare(time, value, var)
         if error is not None:
             self.last_error = (time, error)
         self.slots.add(time, value)
@@ -486,8 +486,7 @@ class TunedAxis:
             for item in self._recent:
                 self.filter.measure(*item)
         self.filter.measure(time, value, var)
-        if scored:
-            self.score.keep(time, self.filter)
+        self.score.keep(time, self.filter)
         if not self._recent or time - self._recent[-1][0] >= 0.9 * Slots.SLOT:
             self._recent.append((time, value, var))
             while time - self._recent[0][0] > self.REPLAY:
@@ -512,13 +511,23 @@ class TunedAxis:
         return AxisOutlook(self.filter.frozen(), self.score.slopes, self.score.ratios)
 
 
+class Foresight(Protocol):
+    """What :class:`Outlook` asks of an axis; see :class:`AxisOutlook`."""
+
+    def mean(self, time: float) -> float:
+        """Predict the axis at ``time`` (s)."""
+
+    def table(self, time: float, horizons: Array) -> Array:
+        """Predict value, its variance, rate, its variance: shape (4, n), for n horizons (s)."""
+
+
 class Outlook:
     """
     What all axes together can say of the future, frozen.
 
     Parameters
     ----------
-    axes : tuple of 3 AxisOutlook
+    axes : tuple of 3 Foresight
         Roll, pitch (rad), heave (m).
     correlation : ndarray, shape (3, 3)
         Of their forecast errors.
@@ -527,7 +536,7 @@ class Outlook:
 
     __slots__ = ('_axes', '_correlation')
 
-    def __init__(self, axes: tuple[AxisOutlook, ...], correlation: Array) -> None:
+    def __init__(self, axes: tuple[Foresight, ...], correlation: Array) -> None:
         self._axes, self._correlation = axes, correlation
 
     def mean(self, time: float) -> tuple[float, float, float]:
