@@ -8,12 +8,12 @@ for a ``float64[]`` and ``types.byte`` what it takes for a ``byte``.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import isfinite
+from math import isfinite, sqrt
 from typing import Any, Protocol
 
 import numpy as np
 
-from deck_motion_ros.geometry import normalised, quaternion_from_rpy
+from deck_motion_ros.geometry import quaternion_from_rpy
 from deck_motion_ros.samples import (
     Array,
     HeaveSample,
@@ -53,11 +53,11 @@ class Types(Protocol):
 def stamp_of(msg: Any) -> int:
     """Return the header's stamp in nanoseconds."""
     stamp = msg.header.stamp
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return int(stamp.sec * NANOSECONDS + stamp.nanosec)
 
 
 def _finite(*values: float) -> None:
-    if not all(map(isfinite, values)):
+    if not isfinite(sum(values)):  # not a number and infinity stay so in a sum
         raise Rejected('not finite')
 
 
@@ -69,12 +69,14 @@ def _attitude(msg_quaternion: Any) -> Quaternion | None:
     """Return the unit quaternion, ``None`` for the all-zero one; reject any other length."""
     quaternion = (msg_quaternion.x, msg_quaternion.y, msg_quaternion.z, msg_quaternion.w)
     _finite(*quaternion)
-    square = sum(item * item for item in quaternion)
+    x, y, z, w = quaternion
+    square = x * x + y * y + z * z + w * w
     if square == 0:
         return None
     if not 0.98 < square < 1.02:
         raise Rejected('quaternion not normalised')
-    return normalised(quaternion)
+    scale = 1 / sqrt(square)
+    return (x * scale, y * scale, z * scale, w * scale)
 
 
 def imu_sample(msg: Any) -> ImuSample:
@@ -90,11 +92,11 @@ def imu_sample(msg: Any) -> ImuSample:
         ``not finite`` or ``quaternion not normalised``.
 
     """
-    cov = msg.orientation_covariance
+    cov = msg.orientation_covariance.tolist()
     orientation, attitude_var = None, (0.0, 0.0, 0.0)
     if cov[0] != -1:
         orientation = _attitude(msg.orientation)
-        attitude_var = (float(cov[0]), float(cov[4]), float(cov[8]))
+        attitude_var = (cov[0], cov[4], cov[8])
     rate = force = (0.0, 0.0, 0.0)
     if msg.angular_velocity_covariance[0] != -1:
         rate = _vector(msg.angular_velocity)
@@ -115,8 +117,7 @@ def odometry_sample(msg: Any) -> OdometrySample:
     pose, twist = msg.pose.pose, msg.twist.twist
     position, linear, angular = (_vector(pose.position), _vector(twist.linear),
                                  _vector(twist.angular))
-    cov = msg.pose.covariance
-    x, y, z, about_x, about_y, about_z = (float(cov[7 * k]) for k in range(6))
+    x, y, z, about_x, about_y, about_z = msg.pose.covariance.tolist()[::7]
     pose_var = (x, y, z, about_x, about_y, about_z)
     _finite(*position, *linear, *angular, *pose_var)
     return OdometrySample(stamp_of(msg), msg.header.frame_id, msg.child_frame_id, position,

@@ -148,6 +148,11 @@ class MotionForecast:
     rate: Array
     rate_cov: Array
 
+    def part(self, rows: slice) -> MotionForecast:
+        """Return some of the times."""
+        return MotionForecast(self.horizons[rows], self.mean[rows], self.cov[rows],
+                              self.rate[rows], self.rate_cov[rows])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TouchdownForecast:
