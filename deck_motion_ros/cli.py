@@ -159,7 +159,7 @@ def _import(arguments: argparse.Namespace) -> int:
 def _recover(arguments: argparse.Namespace) -> int:
     from deck_motion_ros.recording import recover
 
-    console.print(recover(arguments.bag), markup=False)
+    console.print(str(recover(arguments.bag)), markup=False)
     return 0
 
 

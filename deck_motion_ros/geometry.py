@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import asin, atan2, copysign, cos, hypot, pi, sin, sqrt
+from math import asin, atan2, copysign, cos, hypot, isfinite, pi, sin, sqrt
 
 import numpy as np
 
@@ -83,6 +83,29 @@ def rotation_vector(quaternion: Quaternion) -> Vector3:
     half = atan2(copysign(length, w), abs(w))
     scale = 2 * half / length if length > 1e-12 else copysign(2.0, w)
     return (scale * x, scale * y, scale * z)
+
+
+def normalised(quaternion: Quaternion) -> Quaternion | None:
+    """
+    Scale a quaternion to unit length; ``None`` for zero or non-finite ones.
+
+    >>> normalised((0.0, 0.0, 0.0, 2.0))
+    (0.0, 0.0, 0.0, 1.0)
+    """
+    x, y, z, w = quaternion
+    length = sqrt(x * x + y * y + z * z + w * w)
+    if not isfinite(length) or length < 1e-9:
+        return None
+    return (x / length, y / length, z / length, w / length)
+
+
+def angular_velocity(rpy: Vector3, rates: Vector3) -> Vector3:
+    """Turn rates of roll, pitch, yaw (rad/s) at ``rpy`` (rad) into a turn rate in body axes."""
+    roll, pitch, _ = rpy
+    by_roll, by_pitch, by_yaw = rates
+    across, along = by_pitch, by_yaw * cos(pitch)
+    return (by_roll - by_yaw * sin(pitch), cos(roll) * across + sin(roll) * along,
+            cos(roll) * along - sin(roll) * across)
 
 
 def matrix_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
