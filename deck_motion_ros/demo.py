@@ -72,15 +72,19 @@ def run_demo(duration: float, output: Path, console: Console) -> None:
         executor = SingleThreadedExecutor()
         executor.add_node(monitor)
         with _nodes(output, ('recorder', {'output': str(bag)}), ('predictor', {})) as running:
-            _await_nodes(executor, monitor, running, ('recorder', 'predictor'))
+            _await_nodes(executor, monitor, running, output)
             with _nodes(output, ('simulator', {'duration': float(duration),
                                                 'subscribers': 2})) as ship:
-                _watch(executor, monitor, {**running, **ship}, duration, console)
+                _watch(executor, monitor, {**running, **ship}, duration, output, console)
         monitor.destroy_node()
+    except KeyboardInterrupt:
+        console.print(f'Bag     {bag}')
+        raise
     finally:
         rclpy.try_shutdown()
     report = output / 'report.html'
-    write_report(bag, report)
+    for sentence in write_report(bag, report, title='Demo: a simulated destroyer'):
+        console.print(sentence, markup=False)
     console.print(f'Bag     {bag}\nReport  {report}')
 
 
@@ -103,11 +107,10 @@ def _nodes(output: Path, *table: tuple[str, dict[str, Any]]
     finally:
         for name in reversed(running):
             _end(running[name])
-    for name, process in running.items():
-        if process.returncode:
-            raise DemoFailed(f'{name} ended with status {process.returncode}: '
-                             f'{_last_words(output, name)}')
-        (output / f'{name}.log').unlink()
+        for name, process in running.items():
+            if process.returncode == 0:
+                (output / f'{name}.log').unlink(missing_ok=True)
+    _check(running, output)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -126,24 +129,25 @@ def _last_words(output: Path, name: str) -> str:
 
 
 def _await_nodes(executor: Any, monitor: Any, running: dict[str, subprocess.Popen[bytes]],
-                 names: tuple[str, ...]) -> None:
+                 output: Path) -> None:
     """Spin until the nodes are there, so that the first message finds them."""
     end = time.monotonic() + STARTING
-    while not set(names) <= set(monitor.get_node_names()):
+    while not set(running) <= set(monitor.get_node_names()):
         executor.spin_once(timeout_sec=0.1)
-        _check(running)
+        _check(running, output)
         if time.monotonic() > end:
-            raise DemoFailed(f"{' and '.join(names)} did not appear within {STARTING:g} s")
+            raise DemoFailed(f"{' and '.join(running)} did not appear within {STARTING:g} s")
 
 
-def _check(running: dict[str, subprocess.Popen[bytes]]) -> None:
+def _check(running: dict[str, subprocess.Popen[bytes]], output: Path) -> None:
     for name, process in running.items():
         if process.poll():
-            raise DemoFailed(f'{name} ended early with status {process.returncode}')
+            raise DemoFailed(f'{name} ended with status {process.returncode}: '
+                             f'{_last_words(output, name)}')
 
 
 def _watch(executor: Any, monitor: Any, running: dict[str, subprocess.Popen[bytes]],
-           duration: float, console: Console) -> None:
+           duration: float, output: Path, console: Console) -> None:
     """Show the table until the simulator has ended; one line in ten seconds without a terminal."""
     start = time.monotonic()
     limit = start + 2 * duration + STARTING
@@ -152,7 +156,7 @@ def _watch(executor: Any, monitor: Any, running: dict[str, subprocess.Popen[byte
         next_show = start
         while running['simulator'].poll() is None:
             executor.spin_once(timeout_sec=0.05)
-            _check(running)
+            _check(running, output)
             now = time.monotonic()
             if now > limit:
                 raise DemoFailed('the simulator did not end')
