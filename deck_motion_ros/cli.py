@@ -16,7 +16,8 @@ from rich.table import Table
 
 from deck_motion_ros import __version__
 
-console = Console(highlight=False, soft_wrap=True)
+# tables keep their width where nobody looks at them
+console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians
+from math import pi, radians, sqrt
 
 from deck_motion_ros.samples import Vector3
 
@@ -44,3 +44,47 @@ class Li2014Scenario:
     paper_sd: float = radians(0.7)
     mru_sd: float = radians(0.05)
     heave_sd: float = 0.05
+
+
+@dataclass(frozen=True)
+class Zhang2021Scenario:
+    """
+    Zhang2021: a roll record sampled every 0.5 s, each interleaved half predicted 1 s ahead.
+
+    The paper's record is not published (its text has lost even the first 40 points). Ours is a
+    narrow swell of the size and period at which the plain filter, scored one step late, errs by
+    what the paper prints.
+
+    Attributes
+    ----------
+    runs, seed : int
+        Number of records; run k is drawn from seed + k.
+    points, first_scored : int
+        Of a record; index of the first point that is a score's target.
+    dt, horizon : float
+        Seconds between points; seconds ahead, the step of each half.
+    sd, noise_sd : float
+        Of the roll, and of the white noise of its measurements (rad).
+    filter_sd : float
+        What the filters take that noise for (rad): the paper's R = 0.01 deg^2.
+    peak, bandwidth : float
+        Of the spectrum: rad/s, and the relative sd of its Gaussian power.
+    waves, lowest, highest : int, float, float
+        Cosines of random phase, evenly spaced between two frequencies (rad/s).
+
+    """
+
+    runs: int = 10
+    seed: int = 2021
+    points: int = 480
+    first_scored: int = 11
+    dt: float = 0.5
+    horizon: float = 1.0
+    sd: float = radians(0.62) / sqrt(2)
+    noise_sd: float = radians(0.01)
+    filter_sd: float = radians(0.1)
+    peak: float = 2 * pi / 9.6
+    bandwidth: float = 0.08
+    waves: int = 400
+    lowest: float = 0.2
+    highest: float = 2.2

@@ -18,7 +18,7 @@ import numpy as np
 from rich.console import Console
 
 from deck_motion_ros import bench
-from deck_motion_ros.evaluation.experiments import li2014
+from deck_motion_ros.evaluation.experiments import PAPERS
 from deck_motion_ros.evaluation.record import read_record
 from deck_motion_ros.evaluation.report import assessed
 from deck_motion_ros.importers import import_file
@@ -50,12 +50,13 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 def papers() -> str:
     """Run the papers' experiments."""
     rows = [[row.paper, row.name, f'{row.value:.4g} {row.unit}',
+             '' if row.printed is None else f'{row.printed:.4g}',
              '' if row.floor is None else f'{row.floor:.4g}',
              '' if row.floor is None else f'{row.value / row.floor:.3f}']
-            for row in li2014()]
-    return ('## The papers\n\n`deck_motion papers Li2014 --runs 1000`: rms errors 3 s ahead '
-            'of the noise-free truth; the floor is the Riccati bound.\n\n'
-            + table(['paper', 'figure', 'ours', 'floor', 'ours / floor'], rows))
+            for key in PAPERS for row in PAPERS[key](None)]
+    return ('## The papers\n\n`deck_motion papers`: what they are is in [papers.md](papers.md). '
+            'The floor is the Riccati bound for Li2014, the Wiener predictor for Zhang2021.\n\n'
+            + table(['paper', 'figure', 'ours', 'printed', 'floor', 'ours / floor'], rows))
 
 
 def recordings() -> str:

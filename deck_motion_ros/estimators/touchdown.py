@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import exp, pi, radians
 from typing import Protocol
 
 import numpy as np
 
 from deck_motion_ros.config import parameter
+from deck_motion_ros.estimators.interleaved import InterleavedPredictor
 from deck_motion_ros.estimators.shaping import ShapingPredictor
 from deck_motion_ros.geometry import (
     attitude_of_mounted,
@@ -50,8 +52,9 @@ class PredictorConfig:
     """Parameters of the predictor."""
 
     method: str = parameter(
-        'shaping', 'How the motion is predicted: per-axis shaping-filter Kalman filters (Li2014)',
-        choices=('shaping',))
+        'shaping', 'How the motion is predicted: per-axis shaping-filter Kalman filters (Li2014), '
+        'or pairs of interleaved constant-acceleration filters (Zhang2021: for up to 1 s ahead)',
+        choices=('shaping', 'interleaved'))
     horizon: float = parameter(3.0, 'How far ahead the height is predicted', 's', 0.1, 10.0)
     lever_arm: Vector3 = parameter(
         (-67.97, 3.05, 19.5), 'Touchdown point in ship_base_link: forward, left, up', 'm',
@@ -106,7 +109,7 @@ class MotionPredictor(Protocol):
         """Return what is known of the future now."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class TouchdownPrediction:
     """
     The touchdown point, predicted from everything up to ``issued_at``.
@@ -130,9 +133,16 @@ class TouchdownPrediction:
     _heading_var: float
     _config: PredictorConfig
 
+    @cached_property
+    def _motion(self) -> MotionForecast:
+        """The ship at FORECAST_TIMES and, last, at ``valid_at``."""
+        horizon = seconds(self.valid_at - self.issued_at)
+        return self._outlook.forecast(self._time, np.append(FORECAST_TIMES, horizon))
+
     def forecast(self, horizons: Array = FORECAST_TIMES) -> TouchdownForecast:
         """Predict the touchdown point ``horizons`` seconds (shape (n,)) after ``issued_at``."""
-        motion = self._outlook.forecast(self._time, horizons)
+        motion = self._motion.part(slice(-1)) if horizons is FORECAST_TIMES else (
+            self._outlook.forecast(self._time, horizons))
         roll, pitch, heave = motion.mean.T
         vec, by_roll, by_pitch = turned_arm(roll, pitch, self._config.lever_arm)
         gradient = np.stack([by_roll[:, 2], by_pitch[:, 2], np.ones(len(horizons))], axis=-1)
@@ -147,8 +157,7 @@ class TouchdownPrediction:
 
     def pose(self) -> TouchdownPose:
         """Predict pose and twist at ``valid_at`` with their covariances."""
-        motion = self._outlook.forecast(
-            self._time, np.array([seconds(self.valid_at - self.issued_at)]))
+        motion = self._motion.part(slice(-1, None))
         roll, pitch, heave = motion.mean[0].tolist()
         horizontal_var = self._config.horizontal_sd**2
         # surge, sway and yaw are not predicted: they are worth their own spread, and as much
@@ -250,7 +259,9 @@ class TouchdownPredictor:
         self._start()
 
     def _start(self) -> None:
-        self._motion: MotionPredictor = ShapingPredictor(self.config.shaping_preset == 'tuned')
+        self._motion: MotionPredictor = (
+            InterleavedPredictor() if self.config.method == 'interleaved'
+            else ShapingPredictor(self.config.shaping_preset == 'tuned'))
         self._schedule = OutputSchedule(self.config.output_rate)
         self._streams: dict[type, _Stream] = {}
         self._heading = HeadingSpread()

@@ -3,46 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from math import degrees, hypot
-from typing import Any
 
 import numpy as np
 
 from deck_motion_ros.estimators.kalman import filtered_runs, gain_sequence, riccati_bound
 from deck_motion_ros.estimators.shaping import LI2014
+from deck_motion_ros.evaluation.interleaved import zhang2021
+from deck_motion_ros.evaluation.rows import Row
 from deck_motion_ros.geometry import turned_arm
 from deck_motion_ros.processes import ShapingFilter
 from deck_motion_ros.samples import Array
 from deck_motion_ros.scenarios import Li2014Scenario
-
-
-@dataclass(frozen=True)
-class Row:
-    """
-    One figure of an experiment.
-
-    Attributes
-    ----------
-    paper, name : str
-        Key of the paper; what outside programs read the figure by.
-    value, unit
-        What ours gives.
-    printed, floor : float or None
-        What the paper prints and the best that theory allows, where there is such a figure.
-
-    """
-
-    paper: str
-    name: str
-    value: float
-    unit: str
-    printed: float | None = None
-    floor: float | None = None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the row as ``deck_motion papers --json`` writes it."""
-        return asdict(self)
 
 
 def simulate_runs(process: ShapingFilter, dt: float, steps: int, runs: int,
@@ -134,4 +107,4 @@ def li2014(runs: int | None = None) -> list[Row]:
             Row('Li2014', 'touchdown_sd', float(np.std(came)), 'm')]
 
 
-PAPERS: dict[str, Callable[[int | None], list[Row]]] = {'Li2014': li2014}
+PAPERS: dict[str, Callable[[int | None], list[Row]]] = {'Li2014': li2014, 'Zhang2021': zhang2021}

@@ -139,6 +139,33 @@ def test_every_record_gives_numbers(data_dir, name, time):
     assert stamps == sorted(set(stamps))
 
 
+INTERLEAVED = [('nbp_20140801_seapath330.csv', 1.0, 1.3),
+               ('nbp_20140801_merged_2hz.csv', 1.0, 0.6),
+               ('nbp_20140801_merged_2hz.csv', 3.0, 4.8)]
+
+
+@pytest.mark.parametrize('name, horizon, worst', INTERLEAVED)
+def test_interleaved_promises(data_dir, name, horizon, worst):
+    """Zhang2021's parabola is good for a second; beyond, its sd says how bad it is."""
+    errors, sds, persistence = scored(
+        *fed(data_dir / 'ship' / name, method='interleaved'), horizon, 120.0)
+    assert len(errors) > 490
+    assert rms(errors) < worst
+    assert 0.88 <= np.mean(np.abs(errors) < 1.96 * sds) <= 0.99
+    assert 0.7 < rms(errors) / rms(sds) < 1.2
+
+
+@pytest.mark.parametrize('name, time', FILES)
+def test_interleaved_gives_numbers_on_every_record(data_dir, name, time):
+    _, _, made = fed(data_dir / 'ship' / name, time, rows=600, method='interleaved')
+    assert made
+    for prediction in made[::7]:
+        pose, table = prediction.pose(), prediction.forecast()
+        for values in (prediction.height, pose.pose_cov, pose.twist_cov, table.height,
+                       table.height_sd, table.rate, table.rate_sd, table.velocity):
+            assert np.isfinite(values).all()
+
+
 def test_reference_of_degrees():
     """The records count pitch bow up: 1 deg of it lowers a point 35 m aft by 0.61 m."""
     assert height_above_rest(0.0, -radians(1.0), 0.0, AFT) == pytest.approx(-0.6108, abs=1e-4)
