@@ -27,6 +27,10 @@ BAGS = {
     'destroyer_202611A': (
         SimulatorConfig(seed=202611, rate=10.0, duration=120.0, dropout=(0.02, 0.03)),
         (70.0, 82.0)),
+    'patrol_202611A': (
+        SimulatorConfig(seed=2611, rate=5.0, duration=120.0, hull='patrol', turn_to_deg=180.0,
+                        significant_wave_height=1.88, peak_period=8.8, turn_time=80.0,
+                        turn_rate_deg=3.0, dropout=(0.02, 0.02)), (0.0, 0.0)),
     'shaping_202611A': (
         SimulatorConfig(scenario='shaping', seed=2014, rate=10.0, duration=80.0), (0.0, 0.0)),
 }

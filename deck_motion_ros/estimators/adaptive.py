@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
-from math import inf
+from collections.abc import Mapping
+from math import inf, isfinite
 
 import numpy as np
 
@@ -145,6 +146,13 @@ class AdaptivePredictor:
     guests, and what is published when they are better or the only ones.
 
     Stamps alone decide; the order of calls within one stamp changes nothing.
+
+    Parameters
+    ----------
+    profile : mapping of str to ndarray, optional
+        What :meth:`profile` gave on an earlier run of the same ship and sensors, for a warm
+        start; one of other axes or another rate is left aside.
+
     """
 
     LOOK = 8.0  # s of samples that decide on axes and grid
@@ -153,7 +161,8 @@ class AdaptivePredictor:
     DEAD = 60.0  # s: an axis silent for so long is given up
     SLOWEST = 2.1  # s between samples: no joint model beyond
 
-    def __init__(self) -> None:
+    def __init__(self, profile: Mapping[str, Array] | None = None) -> None:
+        self._profile = profile or {}
         self._filters = tuple(map(TunedAxis, LI2014))
         self._gates = tuple(OutlierGate() for _ in AXES)
         self._noise_var = [0.0, 0.0, 0.0]
@@ -165,6 +174,7 @@ class AdaptivePredictor:
         self._resampler: Resampler | None = None
         self._joint: JointModel | None = None
         self._bridge: AdaptiveOutlook | None = None
+        self._samples: Array = np.ones(0)  # in a slot, which averages their noise
         self._time = -inf
 
     def measure(self, axis: int, time: float, value: float, var: float) -> None:
@@ -181,7 +191,7 @@ class AdaptivePredictor:
             Radians or metres, and the variance of its error.
 
         """
-        if time <= self._newest[axis]:
+        if time <= self._newest[axis] or not isfinite(value):
             return
         newest = max(self._newest)
         since, self._newest[axis] = time - self._newest[axis], time
@@ -238,7 +248,10 @@ class AdaptivePredictor:
         waiting = sorted(item for item in self._waiting if item[1] in axes)
         start = max(min(when for when, other, _ in waiting if other == k) for k in axes)
         self._axes = axes
+        self._samples = np.array([max(grid.step / float(np.median(self._intervals[k])), 1.0)
+                                  for k in axes])
         self._joint = JointModel(len(axes), grid)
+        self._joint.recall(self._profile, axes)
         self._resampler = Resampler(grid, len(axes), start)
         self._waiting = []
         for when, other, sample in waiting:
@@ -261,11 +274,13 @@ class AdaptivePredictor:
             outlooks = [self._filters[axis].outlook() for axis in self._axes]
             guest = np.array([[item.mean(tick.time + ahead) for item in outlooks]
                               for ahead in joint.times.tolist()])
-        # a slot of linear pieces between samples averages their noise
-        samples = max(grid.step / max(float(np.median(self._intervals[self._axes[0]])), 1e-9), 1.0)
-        noise_var = np.array([self._noise_var[axis] for axis in self._axes]) / samples
+        noise_var = np.array([self._noise_var[axis] for axis in self._axes]) / self._samples
         joint.advance(values, known, guest, noise_var)
         self._time = tick.time
+
+    def profile(self) -> dict[str, Array]:
+        """Return what was learned of the ship, to be saved; empty before anything was."""
+        return self._joint.profile(self._axes) if self._joint is not None else {}
 
     def outlook(self) -> AdaptiveOutlook:
         """Return what is known of the future now."""

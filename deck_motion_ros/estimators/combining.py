@@ -27,7 +27,7 @@ class Combination:
 
     """
 
-    RIDGE = 0.05  # of the best rival's error variance: what the estimates wander by
+    RIDGE = 0.1  # of the best rival's error variance: what the estimates wander by
 
     def __init__(self, horizons: int, axes: int, rivals: int, half_life: float) -> None:
         self._sums = np.zeros((horizons, axes, rivals, rivals))
@@ -69,6 +69,11 @@ class Combination:
     def covariance(self) -> Array:
         """Error covariance among the rivals, shape (horizons, axes, rivals, rivals)."""
         return np.asarray(self._sums / np.maximum(self._number, 1.0)[:, None])
+
+    def losses(self, floor: Array) -> Array:
+        """Return everybody's error variance over the best one's, on average; floor as below."""
+        size = np.einsum('hajj->haj', self.covariance) + floor[:, None]
+        return np.asarray((size / size.min(axis=-1, keepdims=True)).mean(axis=(0, 1)))
 
     def weights(self, speaking: Mask, floor: Array) -> Array:
         """

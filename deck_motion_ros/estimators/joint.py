@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from deck_motion_ros.estimators.var import ForgettingVar
 from deck_motion_ros.samples import Array
 
 # order, memory (both in slots of about 0.5 s), samples that couplings must be worth
-RIVALS = ((24, 200, 20), (24, 600, 0), (36, 600, 20), (60, 2400, 0), (80, 10000, 20),
+RIVALS = ((24, 600, 0), (36, 200, 50), (60, 300, 20), (60, 2400, 0), (80, 10000, 20),
           (100, 10000, 0))
 
 
@@ -54,8 +55,8 @@ class JointModel:
     Learn how all axes move together and look ahead.
 
     Rivals of different order and memory (:class:`ForgettingVar`), "the mean" and a guest from
-    outside forecast each slot; :class:`Combination` weighs them. One rival is refitted at every
-    other slot, in turn. What is promised is the combination's error variance by the rivals' error
+    outside forecast each slot; :class:`Combination` weighs them. One rival is refitted every
+    1.5 s, in turn. What is promised is the combination's error variance by the rivals' error
     covariance, times what the promises turned out to be worth.
 
     Parameters
@@ -67,14 +68,19 @@ class JointModel:
     """
 
     HORIZONS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # s, scored
-    KNOTS: Array = np.arange(25) * 0.5  # s ahead
+    KNOTS = np.linspace(0.0, 12.0, 25)  # s ahead
     BACK = 5  # past slots that the readout uses
     CAPACITY = 2400  # slots remembered for the mean
-    WEIGH_EVERY = 4  # slots
-    HALF_LIFE, PROMISE_HALF_LIFE = 60.0, 120.0  # s
+    REFIT_EVERY = 1.5  # s, one of the rivals in turn
+    WEIGH_EVERY = 6  # slots
+    HALF_LIFE, PROMISE_HALF_LIFE = 40.0, 120.0  # s
     ALARM_HALF_LIVES = np.array([5.0, 20.0])  # s: to widen, to narrow
     TRIAL = 30.0  # s of promises kept before they are trusted fully
     BELIEF = 4.0  # slots that the initial belief in the promises weighs
+    LONG = 600.0  # slots: only a longer memory can be outdated for long
+    WELL_FED = 12.0  # slots for each lag: who has so many should be good
+    OUTDATED = 1.5  # times the best rival's error variance: what was learned is outdated
+    RELEARN = 120.0  # s of quick forgetting then
     BEYOND = 4.0  # sd: farther errors are not learned in full
     WORST = 400.0  # squares of sd that the alarm believes
     LEAST = 1e-12  # variance: nothing is known better (rad^2, m^2)
@@ -93,11 +99,12 @@ class JointModel:
         self._size = 0  # of the track
         self._run = 0  # ticks since the last interruption
         self._turn = 0  # slots ever
+        self._every = max(round(self.REFIT_EVERY / step), 2)
         self._learned = [0] * len(RIVALS)  # slot up to which a rival has learned
-        self._known: deque[bool] = deque(maxlen=2 * len(RIVALS))  # of the newest slots
+        self._known: deque[bool] = deque(maxlen=self._every * len(RIVALS))  # slots
         self._recent: deque[Array] = deque(maxlen=grid.ticks)
         self._mean: Array = np.zeros(axes)
-        self._low, self._high = np.full((2, axes), np.inf) * [[1], [-1]]
+        self._low = self._high = self._origin = np.zeros(axes)  # all below is about the origin
         self._noise_var: Array = np.zeros(axes)
 
         # forecasts of the coming slots, and at the scored steps: rivals and the mean
@@ -111,6 +118,7 @@ class JointModel:
         self._combination = Combination(h, axes, number, self.HALF_LIFE / step)
         self._weights = np.zeros((h, number))
         self._weights[:, -1] = 1.0
+        self._losses = np.ones(number)
         self._combined = np.zeros((self._ahead * axes, width)), np.zeros((self._ahead, axes))
 
         # rings of what was said at the last slots; promised are value, slope and sd
@@ -132,6 +140,23 @@ class JointModel:
         self._known.clear()
         self._spoke[:] = False
         self._promised[:] = np.inf
+
+    def profile(self, axes: Sequence[int]) -> dict[str, Array]:
+        """Return what the rivals have learned of these axes, for :meth:`recall`."""
+        grid = np.array([self.grid.tick, self.grid.ticks, *axes], float)
+        return {'grid': grid} | {f'rival{k}': rival.learned(self._mean)
+                                 for k, rival in enumerate(self._rivals)}
+
+    def recall(self, profile: Mapping[str, Array], axes: Sequence[int]) -> None:
+        """Start with what an earlier run learned, if its axes and its grid were these."""
+        grid = profile.get('grid', np.zeros(0))
+        if len(grid) != 2 + len(axes) or not np.allclose(
+                grid, [self.grid.tick, self.grid.ticks, *axes], rtol=0.05, atol=0.0):
+            return
+        for k, rival in enumerate(self._rivals):
+            learned = profile.get(f'rival{k}', np.zeros(0))
+            if learned.shape == rival.prior.shape:
+                rival.prior = np.array(learned, float)
 
     @property
     def ends_slot(self) -> bool:
@@ -161,30 +186,33 @@ class JointModel:
             Variance of the noise of a slot.
 
         """
-        self._recent.append(values)
+        if not self._size:
+            self._origin = values
+        self._recent.append(values - self._origin)
         self._run += 1
         self._noise_var = noise_var
         if self._size == len(self._track):
             self._size //= 2
             self._track[:self._size] = self._track[self._size:]
         self._track[self._size] = sum(self._recent) / len(self._recent)
-        self._low = np.minimum(self._low, self._track[self._size])
-        self._high = np.maximum(self._high, self._track[self._size])
         self._size += 1
         if self._run % self.grid.ticks:
             return
         self._turn += 1
         self._known.append(known)
-        if known:
-            self._score(values if self.grid.ticks == 1 else self._track[self._size - 1])
-        if self._turn % 2:
-            self._refit(self._turn // 2 % len(self._rivals))
-        if self._turn % self.WEIGH_EVERY == 0:
-            self._weigh()
         at = self._turn % len(self._spoke)
         self._spoke[at], self._promised[at] = False, np.inf
+        if not known:
+            return
+        slot = self._track[self._size - 1]
+        self._low, self._high = np.minimum(self._low, slot), np.maximum(self._high, slot)
+        self._score(slot)
+        if self._turn % self._every == 1:
+            self._refit(self._turn // self._every % len(self._rivals))
+        if self._turn % self.WEIGH_EVERY == 0:
+            self._weigh()
         if guest is not None:
-            self._say(at, guest)
+            self._say(at, guest - self._origin)
 
     def _past(self, slots: int) -> Array:
         """Return the last slots (slots, m), the newest first; the mean before they began."""
@@ -244,8 +272,15 @@ class JointModel:
             rival.learn(self._newest(rival.order + new)[::-1], np.array(self._known)[-new:])
         if not rival.is_ready:
             return
+        if (rival.memory > self.LONG and rival.weight > self.WELL_FED * rival.order
+                and self._losses[index] > self.OUTDATED):
+            rival.forget(int(self.RELEARN / self.grid.step))
         self._mean = self._smooth_mean(rival.memory)
-        forecast, offset = rival.solve(self._mean, np.sqrt(self._noise_var)).ahead(self._ahead)
+        try:
+            model = rival.solve(self._mean, np.sqrt(self._noise_var))
+        except np.linalg.LinAlgError:
+            return  # keep the model there is
+        forecast, offset = model.ahead(self._ahead)
         width = forecast.shape[2]
         self._forecast[index, ..., :width] = forecast
         self._scored[index, ..., :width] = forecast[self._steps - 1]
@@ -269,6 +304,7 @@ class JointModel:
 
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
+        self._losses = self._combination.losses(self._noise_var + self.LEAST)
         self._weights = self._combination.weights(self._speaking, self._noise_var + self.LEAST)
         self._offset[-1] = self._mean
         own = self._weights[:, :-1] + np.eye(len(self._weights[0]) - 1)[-1] * 1e-12
@@ -313,7 +349,7 @@ class JointModel:
         cov = self._combination.covariance
         weighted = np.einsum('hj,haji->hai', self._weights, cov)
         var = np.einsum('hai,hi->ha', weighted, self._weights)
-        return np.asarray(np.sqrt(var + self._noise_var + self.LEAST))
+        return np.asarray(np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST))
 
     def outlook(self, time: float) -> JointOutlook:
         """Freeze what is known at the newest instant, ``time`` (s)."""
@@ -324,7 +360,8 @@ class JointModel:
         noise = self._noise_var
         widen = max(float(self._alarm[0]) / 1.5, min(float(self._alarm[1]) / 0.6, 1.0))
         return JointOutlook(
-            time, self._value_of @ slots, self._rate_of @ slots, self._weights[:, -1], self.times,
+            time, self._value_of @ slots + self._origin,
+            self._rate_of @ slots, self._weights[:, -1], self.times,
             widen * _without(unit * self._errors[0], noise),
             widen * _without(unit * self._errors[1], noise / (2 * self.grid.step**2)),
             float(np.clip((self._number.min() - self.BELIEF) * self.grid.step / self.TRIAL,
@@ -360,7 +397,7 @@ def readout(grid: Grid, times: Array, back: int, ahead: int) -> tuple[Array, Arr
         Weights of the slots.
 
     """
-    frequency = np.linspace(0, min(0.45, 0.45 / grid.step), 100)
+    frequency = np.linspace(0, min(0.45, 0.45 / grid.step), 60)
     power = 1 / (1 + (frequency / 0.25)**4)
     power /= power.sum()
     passes = (np.sinc(frequency * grid.step) * np.sinc(frequency * grid.tick)**2

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from deck_motion_ros.config import parameter
+from deck_motion_ros.estimators.adaptive import AdaptivePredictor
 from deck_motion_ros.estimators.interleaved import InterleavedPredictor
 from deck_motion_ros.estimators.shaping import ShapingPredictor
 from deck_motion_ros.geometry import (
@@ -52,9 +53,10 @@ class PredictorConfig:
     """Parameters of the predictor."""
 
     method: str = parameter(
-        'shaping', 'How the motion is predicted: per-axis shaping-filter Kalman filters (Li2014), '
-        'or pairs of interleaved constant-acceleration filters (Zhang2021: for up to 1 s ahead)',
-        choices=('shaping', 'interleaved'))
+        'shaping', 'How the motion is predicted: per-axis shaping-filter Kalman filters (Li2014); '
+        'all axes learned together, on top of these (adaptive); or pairs of interleaved '
+        'constant-acceleration filters (Zhang2021: for up to 1 s ahead)',
+        choices=('shaping', 'adaptive', 'interleaved'))
     horizon: float = parameter(3.0, 'How far ahead the height is predicted', 's', 0.1, 10.0)
     lever_arm: Vector3 = parameter(
         (-67.97, 3.05, 19.5), 'Touchdown point in ship_base_link: forward, left, up', 'm',
@@ -260,7 +262,8 @@ class TouchdownPredictor:
 
     def _start(self) -> None:
         self._motion: MotionPredictor = (
-            InterleavedPredictor() if self.config.method == 'interleaved'
+            AdaptivePredictor() if self.config.method == 'adaptive'
+            else InterleavedPredictor() if self.config.method == 'interleaved'
             else ShapingPredictor(self.config.shaping_preset == 'tuned'))
         self._schedule = OutputSchedule(self.config.output_rate)
         self._streams: dict[type, _Stream] = {}

@@ -69,6 +69,7 @@ class ForgettingVar:
 
     """
 
+    QUICK = 60.0  # samples remembered while forgetting quickly
     RIDGE, RIDGE_LAGS = 1e-3, 8.0  # of unit-variance data; grows by e every so many lags
 
     def __init__(self, axes: int, order: int, memory: float, cross: float = 0.0) -> None:
@@ -77,7 +78,9 @@ class ForgettingVar:
         self.moments: Array = np.zeros((n, n))
         self.sums: Array = np.zeros(n)
         self.weight = 0.0
-        self._fade = 1 - 1 / memory
+        # second moments about the mean from an earlier run, their number of samples appended
+        self.prior: Array = np.zeros((n + 1, n))
+        self._hurry = 0
         growth = np.exp(np.minimum(np.arange(1, order + 1) / self.RIDGE_LAGS, 12.0))
         self._ridge = np.repeat(self.RIDGE * growth, axes)
 
@@ -95,19 +98,33 @@ class ForgettingVar:
         """
         rows = sliding_window_view(samples, self.order + 1, axis=0)[:, :, ::-1]
         rows = rows.transpose(0, 2, 1).reshape(len(rows), -1)
-        weights = self._fade ** np.arange(len(rows) - 1, -1, -1.0)
+        quick, self._hurry = self._hurry > 0, max(self._hurry - len(rows), 0)
+        once = 1 - 1 / min(self.memory, self.QUICK if quick else np.inf)
+        weights = once ** np.arange(len(rows) - 1, -1, -1.0)
         if known is not None:
             weights = weights * known
-        fade = self._fade ** len(rows)
+        fade = once ** len(rows)
         self.moments *= fade
         self.moments += (rows.T * weights) @ rows
         self.sums = fade * self.sums + weights @ rows
         self.weight = fade * self.weight + float(weights.sum())
+        self.prior *= fade
+
+    def forget(self, samples: int) -> None:
+        """Forget quickly for so many samples: what was learned holds no more."""
+        self._hurry = samples
 
     @property
     def is_ready(self) -> bool:
         """Say whether there are samples enough for a first model."""
-        return self.weight >= max(20.0, 1.2 * self.order)
+        return self.weight + float(self.prior[-1, 0]) >= max(20.0, 1.2 * self.order)
+
+    def learned(self, mean: Array) -> Array:
+        """Return second moments about a mean, and in the last row their number of samples."""
+        mu = np.tile(mean, self.order + 1)
+        cross = np.outer(self.sums, mu)
+        cov = self.moments - cross - cross.T + self.weight * np.outer(mu, mu)
+        return np.asarray(self.prior + np.vstack([cov, np.full(len(mu), self.weight)]))
 
     def solve(self, mean: Array, noise_sd: Array) -> VarModel:
         """
@@ -121,26 +138,30 @@ class ForgettingVar:
         mean, noise_sd : ndarray, shape (m,)
             Of the axes; an axis that moves less than its noise counts as still.
 
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If round-off has spoilt the equations: steps far beyond the motion were learned.
+
         """
         m, k = self.axes, self.order
-        mu = np.tile(mean, k + 1)
-        cross = np.outer(self.sums, mu)
-        cov = self.moments - cross - cross.T + self.weight * np.outer(mu, mu)
-        sd = np.sqrt(np.maximum(np.diag(cov)[:m] / self.weight, np.square(noise_sd) + 1e-30))
+        learned = self.learned(mean)
+        cov, weight = learned[:-1], learned[-1, 0]
+        sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
         scale = np.tile(sd, k + 1)
         cov = cov / np.outer(scale, scale)
         normal, right = cov[m:, m:] + np.diag(self._ridge), cov[m:, :m]
         if self._cross:
-            found = np.stack([_solved(self._penalised(normal, axis), right[:, axis])
+            found = np.stack([_solved(self._penalised(normal, axis, weight), right[:, axis])
                               for axis in range(m)])
         else:
             found = _solved(normal, right).T
         return VarModel(found * sd[:, None] / scale[m:], mean)
 
-    def _penalised(self, normal: Array, axis: int) -> Array:
+    def _penalised(self, normal: Array, axis: int, weight: float) -> Array:
         """Penalise the variance that the other axes contribute to the forecast of one."""
         others = np.arange(len(normal)) % self.axes != axis
-        return np.asarray(normal * (1 + self._cross / self.weight * np.outer(others, others)))
+        return np.asarray(normal * (1 + self._cross / weight * np.outer(others, others)))
 
 
 def _solved(normal: Array, right: Array) -> Array:

@@ -7,10 +7,11 @@ from math import degrees, pi
 
 import numpy as np
 
+from deck_motion_ros.estimators.adaptive import AdaptivePredictor
 from deck_motion_ros.estimators.interleaved import AccelerationFilter, FADING
 from deck_motion_ros.evaluation.floor import SensorModel, wiener_predictors
 from deck_motion_ros.evaluation.rows import Row
-from deck_motion_ros.samples import Array
+from deck_motion_ros.samples import Array, ROLL
 from deck_motion_ros.scenarios import Zhang2021Scenario
 
 
@@ -72,6 +73,33 @@ def interleaved_forecasts(case: Zhang2021Scenario, values: Array, fading: float)
     return ahead
 
 
+def adaptive_forecasts(case: Zhang2021Scenario, values: Array) -> Array:
+    """
+    Let the adaptive predictor, which knows nothing of this sea, forecast roll alone.
+
+    Parameters
+    ----------
+    case : Zhang2021Scenario
+        The experiment.
+    values : ndarray, shape (n, runs)
+        Measured roll (rad).
+
+    Returns
+    -------
+    ndarray, shape (n, runs)
+        Row k: roll (rad) predicted at point k, ``case.horizon`` ahead.
+
+    """
+    ahead = np.empty_like(values)
+    for column, series in zip(ahead.T, values.T, strict=True):
+        predictor = AdaptivePredictor()
+        for k, value in enumerate(series.tolist()):
+            time = k * case.dt
+            predictor.measure(ROLL, time, value, case.noise_sd**2)
+            column[k] = predictor.outlook().mean(time + case.horizon)[ROLL]
+    return ahead
+
+
 def roll_floor(case: Zhang2021Scenario) -> float:
     """Return the error of the best linear predictor of that roll (rad), which knows its sea."""
     omega, var = _waves(case)
@@ -101,12 +129,13 @@ def zhang2021(runs: int | None = None) -> list[Row]:
     measured, noisy = (truth + sd * noise for sd in (case.noise_sd, case.filter_sd))
     plain, fading = (interleaved_forecasts(case, measured, s) for s in (1.0, FADING))
     plain_noisy, fading_noisy = (interleaved_forecasts(case, noisy, s) for s in (1.0, FADING))
+    adaptive = adaptive_forecasts(case, measured)
     lead = round(case.horizon / case.dt)
     floor = degrees(roll_floor(case))
 
     def row(name: str, ahead: Array, age: int = lead, printed: float | None = None,
-            floor: float | None = floor) -> Row:
-        error = ahead[case.first_scored - age:case.points - age] - truth[case.first_scored:]
+            floor: float | None = floor, first: int = case.first_scored) -> Row:
+        error = ahead[first - age:case.points - age] - truth[first:]
         value = float(np.sqrt(np.mean(np.square(error), axis=0)).mean())
         return Row('Zhang2021', name, degrees(value), 'deg', printed, floor)
 
@@ -114,6 +143,8 @@ def zhang2021(runs: int | None = None) -> list[Row]:
         row('plain_late_rmse_1s', plain, 2 * lead, printed=0.3935),
         row('plain_rmse_1s', plain),
         row('fading_rmse_1s', fading, printed=0.1173),
+        row('adaptive_rmse_1s', adaptive),
+        row('adaptive_after_60s_rmse_1s', adaptive, first=round(60 / case.dt)),
         row('persistence_rmse_1s', measured),
         row('sd', np.zeros_like(truth), floor=None),
         row('plain_noisy_rmse_1s', plain_noisy, floor=None),

@@ -260,6 +260,21 @@ def test_axes_with_stamps_and_rates_of_their_own():
     assert np.all(np.std(errors, axis=0) < 0.3 * truth.std(axis=0))
 
 
+def test_a_profile_warms_the_start(four_hertz):
+    ship, times, values, _ = four_hertz
+    teacher = feed(AdaptivePredictor(), times[:1400], values[:1400])
+    profile = {name: array.copy() for name, array in teacher.profile().items()}
+    other, start = Ship(5), 70.0
+    other.response = ship.response * np.exp(1j * np.random.default_rng(6).uniform(0, 6.28, 400))
+    again = measured(other, times[:480], 1) + (0.03, -0.01, 0.4)
+    errors = {}
+    for name, given in (('cold', None), ('warm', profile), ('foreign', {'grid': np.ones(5)})):
+        found, _ = errors_along(AdaptivePredictor(given), other, times[:480], again, start)
+        errors[name] = np.sqrt(np.mean(np.square(found - (0.03, -0.01, 0.4)), axis=0))
+    assert np.all(errors['warm'] < 0.8 * errors['cold'])
+    np.testing.assert_array_equal(errors['foreign'], errors['cold'])
+
+
 def bad(kind, times, values):
     """Spoil a record from second 200 on."""
     values, rng = values.copy(), np.random.default_rng(9)

@@ -155,9 +155,19 @@ def test_interleaved_promises(data_dir, name, horizon, worst):
     assert 0.7 < rms(errors) / rms(sds) < 1.2
 
 
+def test_adaptive_promises(data_dir):
+    """All axes learned together: less than half the error of the filters alone."""
+    record = data_dir / 'ship' / 'nbp_20140801_seapath330.csv'
+    errors, sds, persistence = scored(*fed(record, method='adaptive'), 3.0, 120.0)
+    assert len(errors) > 490
+    assert rms(errors) < 0.3 and rms(persistence) > 2.0
+    assert 0.9 <= np.mean(np.abs(errors) < 1.96 * sds)
+
+
+@pytest.mark.parametrize('method', ['adaptive', 'interleaved'])
 @pytest.mark.parametrize('name, time', FILES)
-def test_interleaved_gives_numbers_on_every_record(data_dir, name, time):
-    _, _, made = fed(data_dir / 'ship' / name, time, rows=600, method='interleaved')
+def test_other_methods_give_numbers_on_every_record(data_dir, name, time, method):
+    _, _, made = fed(data_dir / 'ship' / name, time, rows=600, method=method)
     assert made
     for prediction in made[::7]:
         pose, table = prediction.pose(), prediction.forecast()
