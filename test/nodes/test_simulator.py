@@ -1,6 +1,7 @@
 """The simulator node: what it publishes is what the pure simulator gives, by whatever clock."""
 
 from functools import partial
+import itertools
 
 import pytest
 
@@ -112,9 +113,11 @@ def test_follows_a_clock_that_is_given(simulator, listener, context, spin_until)
     spin_until(lambda: clock.get_subscription_count() == 1 and all(
         output.get_subscription_count() for output in ship._outputs.values()))
 
+    calls = itertools.count()
     for second, count in ((5, 1), (6, 101), (9, 401)):  # late at last: caught up, none left out
-        def arrived(second=second, count=count):  # a /clock that is best effort may miss one tick
-            clock.publish(Clock(clock=Time(seconds=second).to_msg()))
+        def arrived(second=second, count=count):
+            if next(calls) % 20 == 0:  # /clock is best effort: a tick may be missed
+                clock.publish(Clock(clock=Time(seconds=second).to_msg()))
             return len(of(heard, 'ship/truth')) >= count
 
         spin_until(arrived)
