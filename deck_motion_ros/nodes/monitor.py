@@ -16,7 +16,8 @@ from deck_motion_ros.config import parameter
 from deck_motion_ros.estimators.scoring import RunningScore, Score
 from deck_motion_ros.geometry import height_above_rest, rpy_from_quaternion
 from deck_motion_ros.messages import odometry_sample, stamp_of
-from deck_motion_ros.nodes.shell import configuration, sensor_qos
+from deck_motion_ros.nodes.parameters import configuration
+from deck_motion_ros.nodes.shell import sensor_qos
 from deck_motion_ros.samples import seconds, Vector3
 
 

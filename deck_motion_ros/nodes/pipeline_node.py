@@ -8,14 +8,9 @@ from typing import Any
 
 from rclpy.node import Node
 
-from deck_motion_ros.nodes.shell import (
-    configuration,
-    DiagnosticsPublisher,
-    output_qos,
-    overridable,
-    RclTypes,
-    sensor_qos,
-)
+from deck_motion_ros.nodes.diagnostics import DiagnosticsPublisher
+from deck_motion_ros.nodes.parameters import configuration
+from deck_motion_ros.nodes.shell import output_qos, overridable, RclTypes, sensor_qos
 from deck_motion_ros.pipelines import PIPELINES, Status, WARN
 from deck_motion_ros.topics import inputs, outputs
 

@@ -11,15 +11,10 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from deck_motion_ros.nodes.diagnostics import DiagnosticsPublisher
+from deck_motion_ros.nodes.parameters import configuration
 from deck_motion_ros.nodes.raw_topics import offer
-from deck_motion_ros.nodes.shell import (
-    configuration,
-    DiagnosticsPublisher,
-    output_qos,
-    RclTypes,
-    run,
-    Stop,
-)
+from deck_motion_ros.nodes.shell import output_qos, RclTypes, run, Stop
 from deck_motion_ros.recording import BagReader, PlayerConfig, schedule
 from deck_motion_ros.samples import NANOSECONDS, nanoseconds
 

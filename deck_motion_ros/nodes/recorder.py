@@ -10,8 +10,10 @@ from rclpy.clock_type import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
+from deck_motion_ros.nodes.diagnostics import DiagnosticsPublisher
+from deck_motion_ros.nodes.parameters import configuration
 from deck_motion_ros.nodes.raw_topics import Polled, request, stored_qos, waiting
-from deck_motion_ros.nodes.shell import configuration, DiagnosticsPublisher, RclTypes, run, Stop
+from deck_motion_ros.nodes.shell import RclTypes, run, Stop
 from deck_motion_ros.recording import (
     BackgroundWriter,
     BagWriter,

@@ -1,4 +1,4 @@
-"""What every node shares: start and end, parameters, quality of service, diagnostics."""
+"""What every node shares: start and end, quality of service, message classes."""
 
 from __future__ import annotations
 
@@ -9,20 +9,12 @@ import signal
 import sys
 from typing import TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 import rclpy
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
-
-from deck_motion_ros.config import configured, Parameter, parameters, unknown_names
-from deck_motion_ros.messages import diagnostics_message
 
 T = TypeVar('T')
 
@@ -77,54 +69,6 @@ def _said(stop: Stop) -> int:
     return stop.status
 
 
-def configuration(node: Node, kind: type[T]) -> T:
-    """
-    Declare every parameter of ``kind`` on the node and return the configuration.
-
-    Parameters are read only: a node's set-up does not change under way. Overrides that no
-    parameter takes are named in a warning.
-
-    Raises
-    ------
-    ValueError
-        If a value breaks its parameter's rule; the text names the parameter.
-
-    """
-    values, overrides = {}, node._parameter_overrides
-    for name, rule in parameters(kind).items():
-        if rule.default == () and name in overrides and overrides[name].value is None:
-            del overrides[name]  # what rcl makes of [] in a parameter file
-        if name in overrides:  # checked in our words, and 3 taken where 3.0 is meant
-            value = rule.check(overrides[name].value)
-            overrides[name] = RosParameter(
-                name, value=list(value) if isinstance(value, tuple) else value)
-        default = list(rule.default) if isinstance(rule.default, tuple) else rule.default
-        declared = node.declare_parameter(
-            name, RosParameter.Type.STRING_ARRAY if default == [] else default,
-            _descriptor(rule))
-        values[name] = declared.value if declared.value is not None else []
-    unknown = unknown_names(kind, overrides)
-    if unknown:
-        node.get_logger().warning(
-            f"unknown parameter{'s' * (len(unknown) > 1)} {', '.join(unknown)} ignored")
-    return configured(kind, values)
-
-
-def _descriptor(rule: Parameter) -> ParameterDescriptor:
-    limits = rule.span() or '|'.join(rule.choices)
-    text = ParameterDescriptor(
-        description=f'{rule.meaning} ({limits})' if limits else rule.meaning,
-        additional_constraints=', '.join(rule.choices), read_only=True)
-    if rule.low is not None and rule.high is not None:
-        if isinstance(rule.default, float) and rule.default == rule.default:
-            text.floating_point_range = [FloatingPointRange(
-                from_value=float(rule.low), to_value=float(rule.high))]
-        elif type(rule.default) is int:
-            text.integer_range = [IntegerRange(
-                from_value=int(rule.low), to_value=int(rule.high), step=1)]
-    return text
-
-
 def sensor_qos(depth: int = 1000) -> QoSProfile:
     """Return the quality of service of sensor subscriptions: best effort, keep last 1000."""
     return QoSProfile(depth=depth, history=HistoryPolicy.KEEP_LAST,
@@ -161,30 +105,3 @@ class RclTypes:
     def byte(self, value: int) -> bytes:
         """Return what rclpy takes for a byte field."""
         return bytes([value])
-
-
-class DiagnosticsPublisher:
-    """
-    Publish ``/diagnostics`` once a second of wall time, whatever the input does.
-
-    Parameters
-    ----------
-    node : Node
-        Its full name is the ``hardware_id``.
-    report : callable
-        Returns statuses as (name, level, message, {key: text}); level 0 ok, 1 warning, 2 error.
-
-    """
-
-    def __init__(self, node: Node,
-                 report: Callable[[], Iterable[tuple[str, int, str, dict[str, str]]]]) -> None:
-        self._node, self._report, self._types = node, report, RclTypes()
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', output_qos())
-        self._timer = node.create_timer(
-            1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def publish(self) -> None:
-        """Publish one array now."""
-        self._publisher.publish(diagnostics_message(
-            self._types, self._node.get_clock().now().nanoseconds,
-            self._node.get_fully_qualified_name(), self._report()))

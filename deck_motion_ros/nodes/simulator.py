@@ -14,15 +14,9 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from deck_motion_ros import messages
-from deck_motion_ros.nodes.shell import (
-    configuration,
-    DiagnosticsPublisher,
-    output_qos,
-    overridable,
-    RclTypes,
-    run,
-    Stop,
-)
+from deck_motion_ros.nodes.diagnostics import DiagnosticsPublisher
+from deck_motion_ros.nodes.parameters import configuration
+from deck_motion_ros.nodes.shell import output_qos, overridable, RclTypes, run, Stop
 from deck_motion_ros.pipelines import OK, settings, Status, WARN
 from deck_motion_ros.samples import NANOSECONDS
 from deck_motion_ros.simulation.simulator import Event, ShipSimulator, SimulatorConfig

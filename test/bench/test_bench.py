@@ -72,7 +72,6 @@ def test_tasks_take_turns():
 
 
 def test_one_filter_agrees_with_filterpy():
-    pytest.importorskip('filterpy', reason='a peer for tests')
     values = np.cumsum(np.random.default_rng(2).normal(size=300)).tolist()
     ours, theirs = ([run(values[:n], predict) for n in (1, 2, 300) for predict in (True, False)]
                     for run in (filters.single_filter, filters.filterpy_filter))
@@ -80,7 +79,6 @@ def test_one_filter_agrees_with_filterpy():
 
 
 def test_many_filters_agree_with_simdkalman_and_with_one():
-    pytest.importorskip('simdkalman', reason='a peer for tests')
     tables = list(np.random.default_rng(3).normal(size=(3, 50, 4)))
     ours = filters.many_filters(tables)
     np.testing.assert_allclose(ours, filters.simdkalman_filters(tables), rtol=1e-9, atol=1e-12)
@@ -89,8 +87,6 @@ def test_many_filters_agree_with_simdkalman_and_with_one():
 
 
 def test_the_filters_are_compared_with_peers_that_agree():
-    pytest.importorskip('filterpy', reason='a peer for tests')
-    pytest.importorskip('simdkalman', reason='a peer for tests')
     rows = list(filters.kalman(steps=40, runs=3, run_steps=20, rounds=1))
     assert [(row.name, row.reference) for row in rows] == [
         ('step', 'filterpy'), ('step_and_prediction', 'filterpy'), ('monte_carlo', 'simdkalman')]

@@ -21,8 +21,9 @@ from deck_motion_ros import messages  # noqa: E402
 from deck_motion_ros.config import parameter, parameters  # noqa: E402
 from deck_motion_ros.estimators.touchdown import PredictorConfig  # noqa: E402
 from deck_motion_ros.geometry import quaternion_from_rpy  # noqa: E402
+from deck_motion_ros.nodes.parameters import configuration  # noqa: E402
 from deck_motion_ros.nodes.predictor import PredictorNode  # noqa: E402
-from deck_motion_ros.nodes.shell import configuration, RclTypes  # noqa: E402
+from deck_motion_ros.nodes.shell import RclTypes  # noqa: E402
 from deck_motion_ros.pipelines import PredictorPipeline  # noqa: E402
 from deck_motion_ros.recording import BagTypes  # noqa: E402
 from deck_motion_ros.samples import HeaveSample, ImuSample, OdometrySample  # noqa: E402
