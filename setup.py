@@ -6,7 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from setuptools import Distribution, find_packages, setup
 
 NAME = 'deck_motion_ros'
-NODES = ('simulator', 'predictor', 'recorder', 'player')
+NODES = ('simulator', 'predictor', 'recorder', 'player', 'alignment', 'altitude', 'landing',
+         'guidance')
 EXECUTABLES = {
     'deck_motion': f'{NAME}.cli:main',
     **{node: f'{NAME}.nodes.{node}:main' for node in NODES},

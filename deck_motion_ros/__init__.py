@@ -28,9 +28,9 @@ Rooms, each looking only down
         recorded logs into bags; a bag through a pipeline
     scenarios, recording, pipelines, params_file
         frozen experiments; bags in and out; message in, messages out; parameter files
-    estimators, simulation, messages
-        pure siblings that do not know each other
-    streams, processes, geometry, config, topics, names, samples
+    estimators, simulation, messages, profile_file
+        siblings that do not know each other; all but the file of a ship profile are pure
+    streams, processes, blas, earth, geometry, config, topics, names, samples
         the ground floor: numpy and scipy only
 """
 

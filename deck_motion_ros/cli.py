@@ -15,6 +15,9 @@ from rich.progress import Progress
 from rich.table import Table
 
 from deck_motion_ros import __version__
+from deck_motion_ros.blas import use_one_thread
+
+use_one_thread()
 
 # tables keep their width where nobody looks at them
 console = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 120)
@@ -107,8 +110,9 @@ def parser() -> argparse.ArgumentParser:
     sub.add_argument('--runs', type=int, metavar='N', help='Monte-Carlo runs')
     sub.add_argument('--json', type=Path, metavar='FILE', help='write the figures there too')
 
-    sub = command('bench', _bench, 'measure speed and memory, as ratios against peers')
-    sub.add_argument('names', nargs='*', metavar='NAME', help='which benches (default: all)')
+    sub = command('bench', _bench, 'measure speed, memory, accuracy against peers')
+    sub.add_argument('names', nargs='*', metavar='NAME',
+                     help='which benches (default: all but prediction, which takes minutes)')
     sub.add_argument('--json', type=Path, metavar='FILE', help='write the figures there too')
     return top
 

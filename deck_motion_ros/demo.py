@@ -171,11 +171,8 @@ def _watch(executor: Any, monitor: Any, running: dict[str, subprocess.Popen[byte
 
 
 def _line(monitor: Any, elapsed: float) -> str:
-    score = monitor.score()
     return (f'{elapsed:4.0f} s: touchdown height {monitor.height:+.2f} m, in 3 s '
-            f'{monitor.predicted:+.2f} +- {monitor.predicted_sd:.2f} m; last minute: error '
-            f'{score.rmse:.2f} m, unchanged would be {score.persistence_rmse:.2f} m '
-            f'({score.number} forecasts)')
+            f'{monitor.predicted:+.2f} +- {monitor.predicted_sd:.2f} m; score: {monitor.score}')
 
 
 def _table(monitor: Any, duration: float, elapsed: float) -> Table:
@@ -183,7 +180,6 @@ def _table(monitor: Any, duration: float, elapsed: float) -> Table:
         return '-' if isnan(value) else format(value, form)
 
     roll, pitch, heave = monitor.motion
-    score = monitor.score()
     table = Table(title=f'{elapsed:.0f} of {duration:g} s', title_justify='left', box=None,
                   pad_edge=False, show_header=False)
     for _ in range(2):
@@ -193,9 +189,6 @@ def _table(monitor: Any, duration: float, elapsed: float) -> Table:
     table.add_row('Touchdown height now', f'{number(monitor.height)} m')
     table.add_row('  in 3 s', f'[bold]{number(monitor.predicted)} m[/bold] '
                   f'+- {number(monitor.predicted_sd, ".2f")} m (1 sd)')
-    table.add_row('Last minute', f'{score.number} forecasts came true: error '
-                  f'[bold]{number(score.rmse, ".2f")} m[/bold] rms, unchanged would be '
-                  f'{number(score.persistence_rmse, ".2f")} m')
-    table.add_row('', f'95 % interval held in {number(100 * score.coverage, ".0f")} %; '
-                  f'{monitor.rejected} messages rejected')
+    table.add_row('Score', f'[bold]{monitor.score}[/bold]')
+    table.add_row('', f'{monitor.rejected} messages rejected')
     return table

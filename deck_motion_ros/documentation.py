@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 import sys
 from typing import Any
 
 from deck_motion_ros.config import Parameter, parameters
+from deck_motion_ros.estimators.alignment import AlignmentConfig
+from deck_motion_ros.estimators.altitude import AltitudeConfig
+from deck_motion_ros.estimators.guidance import GuidanceConfig
+from deck_motion_ros.estimators.landing import LandingConfig
 from deck_motion_ros.estimators.touchdown import PredictorConfig
 from deck_motion_ros.recording import PlayerConfig, RecorderConfig
+from deck_motion_ros.simulation.runs import SCENARIOS, SHIP
 from deck_motion_ros.simulation.simulator import SimulatorConfig
-from deck_motion_ros.topics import inputs, outputs, Topic, TOPICS
+from deck_motion_ros.topics import BY_NAME, inputs, outputs, Topic, TOPICS
 
 CONFIGS: Mapping[str, type] = {
     'simulator': SimulatorConfig,
     'predictor': PredictorConfig,
+    'alignment': AlignmentConfig,
+    'altitude': AltitudeConfig,
+    'landing': LandingConfig,
+    'guidance': GuidanceConfig,
     'recorder': RecorderConfig,
     'player': PlayerConfig,
 }
@@ -54,12 +63,32 @@ def _section(node: str, kind: type) -> list[str]:
     def names(topics: Iterable[Topic]) -> str:
         return ', '.join(f'`{topic.name}`' for topic in topics)
 
-    traffic = [f'{verb} {names(topics)}.'
-               for verb, topics in (('Subscribes to', inputs(node)), ('Publishes', outputs(node)))
-               if topics]
+    both = (('Subscribes to', inputs(node)), ('Publishes', _published(node)))
+    traffic = [f'{verb} {names(topics)}.' for verb, topics in both if topics]
     return [f'### {node}\n', TRAFFIC.get(node) or ' '.join(traffic), '',
-            *_table(('parameter', 'type', 'default', 'allowed', 'meaning'),
-                    map(_parameter_row, parameters(kind).values())), '']
+            *_parameters(parameters(kind).values()), '',
+            *(line for line in _scenarios() if node == 'simulator')]
+
+
+def _parameters(rules: Iterable[Parameter]) -> list[str]:
+    return _table(('parameter', 'type', 'default', 'allowed', 'meaning'),
+                  map(_parameter_row, rules))
+
+
+def _scenarios() -> Iterator[str]:
+    """Tell how each scenario with parameters of its own differs from the ship alone."""
+    common = parameters(SimulatorConfig)
+    for name, scenario in SCENARIOS.items():
+        own = [rule for rule in parameters(scenario.config).values()
+               if rule != common.get(rule.name)]
+        if own:
+            topics = ', '.join(f'`{topic}`' for topic in scenario.topics)
+            yield from (f'#### simulator, scenario {name}\n', f'Publishes {topics}.', '',
+                        *_parameters(own), '')
+
+
+def _published(node: str) -> tuple[Topic, ...]:
+    return tuple(BY_NAME[name] for name in SHIP) if node == 'simulator' else outputs(node)
 
 
 def _topic_row(topic: Topic) -> tuple[str, ...]:

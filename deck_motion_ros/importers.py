@@ -32,9 +32,9 @@ from deck_motion_ros.samples import (
     NANOSECONDS,
     nanoseconds,
     OdometrySample,
+    RangeSample,
 )
 
-RANGE = 'sensor_msgs/msg/Range'
 END_OF_TIME = 2**31  # s: what a ROS stamp can hold
 
 
@@ -168,25 +168,10 @@ def _names(cells: Sequence[str]) -> list[str]:
 
 # --- into the bag ---------------------------------------------------------------------------
 
-@dataclass(frozen=True)
-class _Range:
-    stamp: int
-    frame_id: str
-    distance: float
-
-
-def _range_message(types: BagTypes, sample: _Range) -> Any:
-    return types[RANGE](
-        header=messages.point_message(types, sample.stamp, sample.frame_id, 0.0).header,
-        radiation_type=0,
-        field_of_view=0.0, min_range=0.0, max_range=float('inf'), range=sample.distance,
-        variance=0.0)
-
-
 BUILDERS: dict[str, tuple[str, Callable[[BagTypes, Any], Any]]] = {
     'ship/imu': (topics.IMU, partial(messages.imu_message, rates=False)),
     'ship/heave': (topics.POINT, messages.heave_message),
-    'uwb/range': (RANGE, _range_message),
+    'uwb/range': (topics.RANGE, messages.range_message),
     'landing/truth': (topics.ODOMETRY, messages.odometry_message),
 }
 
@@ -340,7 +325,8 @@ def _uwb(source: Path, summary: ImportSummary, time_column: str) -> tuple[Sample
     for line, (moment, number, distance) in ranges:
         frame = f'anchor_{number:g}'
         if frame in anchors and distance > 0:
-            samples.append(('uwb/range', _Range(nanoseconds(origin + moment), frame, distance)))
+            samples.append(('uwb/range', RangeSample(
+                nanoseconds(origin + moment), frame, distance, 0.0)))
         else:
             summary.skip('unknown anchor, or range not above 0', line)
     level, unknown = (0.0, 0.0, 0.0, 1.0), (nan, nan, nan)

@@ -7,8 +7,8 @@ for a ``float64[]`` and ``types.byte`` what it takes for a ``byte``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from math import isfinite, sqrt
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,16 +16,22 @@ import numpy as np
 from deck_motion_ros.geometry import quaternion_from_rpy
 from deck_motion_ros.samples import (
     Array,
+    DeckForecast,
     HeaveSample,
     ImuSample,
+    LandingWindow,
     NANOSECONDS,
     nanoseconds,
     OdometrySample,
     Quaternion,
+    RangeSample,
     Rejected,
     TouchdownForecast,
     TouchdownPose,
     Vector3,
+    VectorSample,
+    VelocitySample,
+    WINDOW_STATES,
 )
 from deck_motion_ros.topics import (
     DIAGNOSTICS,
@@ -33,8 +39,17 @@ from deck_motion_ros.topics import (
     MULTI_DOF_TRAJECTORY,
     ODOMETRY,
     POINT,
+    POSE,
+    RANGE,
     TRAJECTORY,
+    TWIST,
+    VECTOR,
+    VELOCITY,
 )
+
+WINDOW = 'landing window'  # name of the status
+WINDOW_KEYS = ('seconds', 'probability', 'next_crest_in', 'next_crest_sd', 'next_trough_in',
+               'next_trough_sd')
 
 
 class Types(Protocol):
@@ -124,6 +139,54 @@ def odometry_sample(msg: Any) -> OdometrySample:
                           _attitude(pose.orientation), linear, angular, pose_var)
 
 
+def range_sample(msg: Any) -> RangeSample:
+    """
+    Convert a ``sensor_msgs/Range``.
+
+    Raises
+    ------
+    Rejected
+        ``not finite``, which REP-117 gives for no echo (NaN, +inf) and too near (-inf); ``outside
+        min_range and max_range``, where the message states them.
+
+    """
+    _finite(msg.range, msg.variance)
+    if msg.max_range > msg.min_range and not msg.min_range <= msg.range <= msg.max_range:
+        raise Rejected('outside min_range and max_range')
+    return RangeSample(stamp_of(msg), msg.header.frame_id, msg.range, max(msg.variance, 0.0))
+
+
+def velocity_sample(msg: Any) -> VelocitySample:
+    """Convert a ``geometry_msgs/TwistWithCovarianceStamped``; ``Rejected`` if not finite."""
+    velocity = _vector(msg.twist.twist.linear)
+    x, y, z = msg.twist.covariance.tolist()[:15:7]
+    _finite(*velocity, x, y, z)
+    return VelocitySample(stamp_of(msg), msg.header.frame_id, velocity, (x, y, z))
+
+
+def forecast_sample(msg: Any) -> DeckForecast:
+    """
+    Convert a ``trajectory_msgs/MultiDOFJointTrajectory`` of one joint.
+
+    Raises
+    ------
+    Rejected
+        ``not finite``, or ``no forecast`` where a point has no transform or no velocity.
+
+    """
+    times, positions, velocities = [], [], []
+    for point in msg.points:
+        if not (point.transforms and point.velocities):
+            raise Rejected('no forecast')
+        ahead = point.time_from_start
+        times.append(ahead.sec + ahead.nanosec / NANOSECONDS)
+        positions.append(_vector(point.transforms[0].translation))
+        velocities.append(_vector(point.velocities[0].linear))
+        _finite(*positions[-1], *velocities[-1])
+    return DeckForecast(stamp_of(msg), msg.header.frame_id, np.array(times),
+                        np.reshape(positions, (-1, 3)), np.reshape(velocities, (-1, 3)))
+
+
 def _time(types: Types, stamp: int) -> Any:
     return types['builtin_interfaces/msg/Time'](
         sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
@@ -147,6 +210,12 @@ def _xyz(types: Types, name: str, vec: Sequence[float] | Array) -> Any:
 def _quaternion(types: Types, quaternion: Quaternion | None) -> Any:
     x, y, z, w = quaternion or (0.0, 0.0, 0.0, 0.0)
     return types['geometry_msgs/msg/Quaternion'](x=x, y=y, z=z, w=w)
+
+
+def _twist(types: Types, linear: Sequence[float] | Array,
+           angular: Sequence[float] | Array = (0.0, 0.0, 0.0)) -> Any:
+    return types['geometry_msgs/msg/Twist'](
+        linear=_xyz(types, 'Vector3', linear), angular=_xyz(types, 'Vector3', angular))
 
 
 def _diagonal(variances: Sequence[float]) -> Array:
@@ -194,8 +263,7 @@ def _odometry(types: Types, header: Any, child: str, position: Any, orientation:
               pose_cov: Array, linear: Any, angular: Any, twist_cov: Array) -> Any:
     pose = types['geometry_msgs/msg/Pose'](
         position=_xyz(types, 'Point', position), orientation=_quaternion(types, orientation))
-    twist = types['geometry_msgs/msg/Twist'](
-        linear=_xyz(types, 'Vector3', linear), angular=_xyz(types, 'Vector3', angular))
+    twist = _twist(types, linear, angular)
     return types[ODOMETRY](
         header=header, child_frame_id=child,
         pose=types['geometry_msgs/msg/PoseWithCovariance'](pose=pose, covariance=pose_cov),
@@ -207,6 +275,86 @@ def odometry_message(types: Types, sample: OdometrySample) -> Any:
     return _odometry(types, _header(types, sample.stamp, sample.frame_id), sample.child_frame_id,
                      sample.position, sample.orientation, _diagonal(sample.pose_var),
                      sample.linear_velocity, sample.angular_velocity, np.zeros(36))
+
+
+def range_message(types: Types, sample: RangeSample) -> Any:
+    """Build a ``sensor_msgs/Range`` without limits."""
+    return types[RANGE](
+        header=_header(types, sample.stamp, sample.frame_id), radiation_type=0,
+        field_of_view=0.0, min_range=0.0, max_range=inf, range=sample.distance,
+        variance=sample.var)
+
+
+def velocity_message(types: Types, sample: VelocitySample) -> Any:
+    """Build a ``geometry_msgs/TwistWithCovarianceStamped`` of a velocity alone."""
+    return types[VELOCITY](
+        header=_header(types, sample.stamp, sample.frame_id),
+        twist=types['geometry_msgs/msg/TwistWithCovariance'](
+            twist=_twist(types, sample.velocity),
+            covariance=_diagonal((*sample.var, 0.0, 0.0, 0.0))))
+
+
+def twist_message(types: Types, stamp: int, frame_id: str, velocity: Sequence[float]) -> Any:
+    """Build a ``geometry_msgs/TwistStamped`` of a velocity (m/s) alone; stamp in ns."""
+    return types[TWIST](header=_header(types, stamp, frame_id), twist=_twist(types, velocity))
+
+
+def vector_message(types: Types, sample: VectorSample) -> Any:
+    """Build a ``geometry_msgs/Vector3Stamped``."""
+    return types[VECTOR](header=_header(types, sample.stamp, sample.frame_id),
+                         vector=_xyz(types, 'Vector3', sample.vector))
+
+
+def pose_message(types: Types, stamp: int, frame_id: str, position: Sequence[float],
+                 orientation: Quaternion, cov: Array) -> Any:
+    """
+    Build a ``geometry_msgs/PoseWithCovarianceStamped``.
+
+    Parameters
+    ----------
+    types : Types
+        Message classes.
+    stamp : int
+        Nanoseconds.
+    frame_id : str
+        Frame of the pose.
+    position, orientation
+        Metres; unit quaternion x, y, z, w.
+    cov : ndarray, shape (6, 6)
+        Of x, y, z (m^2) and the turns about them (rad^2).
+
+    """
+    pose = types['geometry_msgs/msg/Pose'](
+        position=_xyz(types, 'Point', position), orientation=_quaternion(types, orientation))
+    return types[POSE](
+        header=_header(types, stamp, frame_id),
+        pose=types['geometry_msgs/msg/PoseWithCovariance'](pose=pose, covariance=cov.ravel()))
+
+
+def estimate_message(types: Types, stamp: int, frame_id: str, child: str,
+                     position: Sequence[float], orientation: Quaternion, pose_cov: Array,
+                     linear: Sequence[float], angular: Sequence[float], twist_cov: Array) -> Any:
+    """
+    Build a ``nav_msgs/Odometry`` with full covariances.
+
+    Parameters
+    ----------
+    types : Types
+        Message classes.
+    stamp : int
+        Nanoseconds.
+    frame_id, child : str
+        Frame of the pose; of the twist.
+    position, orientation
+        Metres; unit quaternion x, y, z, w.
+    linear, angular
+        m/s, rad/s, in the axes of ``child``.
+    pose_cov, twist_cov : ndarray, shape (6, 6)
+        Linear before angular.
+
+    """
+    return _odometry(types, _header(types, stamp, frame_id), child, position, orientation,
+                     pose_cov.ravel(), linear, angular, twist_cov.ravel())
 
 
 def touchdown_message(types: Types, pose: TouchdownPose, frame_id: str, child: str) -> Any:
@@ -277,3 +425,47 @@ def diagnostics_message(types: Types, stamp: int, hardware_id: str,
             level=types.byte(level), name=name, message=message, hardware_id=hardware_id,
             values=[pair(key=key, value=value) for key, value in values.items()])
             for name, level, message, values in statuses])
+
+
+def window_message(types: Types, window: LandingWindow) -> Any:
+    """Build the ``diagnostic_msgs/DiagnosticArray`` of a landing window; go, wait, no_go = 0-2."""
+    values = {'state': window.state} | {
+        name: f'{getattr(window, name):.3f}' for name in WINDOW_KEYS}
+    level = WINDOW_STATES.index(window.state)
+    return diagnostics_message(types, window.issued_at, '', [
+        (WINDOW, level, window.state, values)])
+
+
+def window_sample(msg: Any) -> LandingWindow:
+    """
+    Convert the ``diagnostic_msgs/DiagnosticArray`` of a landing window.
+
+    Raises
+    ------
+    Rejected
+        ``no landing window`` if it has no such status with all keys, a state and numbers.
+
+    """
+    values = {pair.key: pair.value for status in msg.status if status.name == WINDOW
+              for pair in status.values}
+    try:
+        state = WINDOW_STATES[WINDOW_STATES.index(values['state'])]
+        return LandingWindow(stamp_of(msg), state, *(float(values[key]) for key in WINDOW_KEYS))
+    except (KeyError, ValueError):
+        raise Rejected('no landing window') from None
+
+
+CONVERTERS: Mapping[str, Callable[[Any], Any]] = {
+    IMU: imu_sample, POINT: heave_sample, ODOMETRY: odometry_sample, RANGE: range_sample,
+    VELOCITY: velocity_sample, MULTI_DOF_TRAJECTORY: forecast_sample, DIAGNOSTICS: window_sample}
+
+BUILDERS: Mapping[type, tuple[str, Callable[[Types, Any], Any]]] = {
+    ImuSample: (IMU, imu_message), HeaveSample: (POINT, heave_message),
+    OdometrySample: (ODOMETRY, odometry_message), RangeSample: (RANGE, range_message),
+    VelocitySample: (VELOCITY, velocity_message), VectorSample: (VECTOR, vector_message)}
+
+
+def message(types: Types, sample: Any) -> Any:
+    """Build the message of a sample, by its type."""
+    _, build = BUILDERS[type(sample)]
+    return build(types, sample)

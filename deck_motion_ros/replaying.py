@@ -118,6 +118,7 @@ def replay(in_bag: Path, out_bag: Path, node: str, params: Mapping[str, Any], *,
                 progress((now - start) / length)
                 next_report = now + NANOSECONDS
         report(now)
+    pipeline.close()
     progress(1.0)
     return Replayed(used, made, length / NANOSECONDS)
 

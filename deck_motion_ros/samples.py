@@ -15,6 +15,7 @@ NANOSECONDS = 1_000_000_000
 
 ROLL, PITCH, HEAVE = 0, 1, 2
 AXES = ('roll', 'pitch', 'heave')
+WINDOW_STATES = GO, WAIT, NO_GO = 'go', 'wait', 'no_go'
 
 
 class Rejected(ValueError):
@@ -126,6 +127,49 @@ class OdometrySample:
     pose_var: tuple[float, float, float, float, float, float]
 
 
+@dataclass(frozen=True, slots=True)
+class RangeSample:
+    """One ``sensor_msgs/Range``: stamp (ns), frame, distance (m), variance (m^2; 0 = unknown)."""
+
+    stamp: int
+    frame_id: str
+    distance: float
+    var: float
+
+
+@dataclass(frozen=True, slots=True)
+class VelocitySample:
+    """
+    One ``geometry_msgs/TwistWithCovarianceStamped``, of which the linear part is used.
+
+    Attributes
+    ----------
+    stamp : int
+        Nanoseconds.
+    frame_id : str
+        Frame of the axes.
+    velocity : tuple of 3 float
+        m/s.
+    var : tuple of 3 float
+        (m/s)^2; 0 = unknown.
+
+    """
+
+    stamp: int
+    frame_id: str
+    velocity: Vector3
+    var: Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class VectorSample:
+    """One ``geometry_msgs/Vector3Stamped``: stamp (ns), frame, vector."""
+
+    stamp: int
+    frame_id: str
+    vector: Vector3
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionForecast:
     """
@@ -183,6 +227,64 @@ class TouchdownForecast:
     position: Array
     velocity: Array
     motion: MotionForecast
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeckForecast:
+    """
+    The touchdown point at some times ahead, as ``touchdown/forecast`` says it.
+
+    Attributes
+    ----------
+    stamp : int
+        Of the newest measurement (ns).
+    frame_id : str
+        Level frame of positions and velocities.
+    times : ndarray, shape (n,)
+        Seconds ahead of the stamp.
+    position, velocity : ndarray, shape (n, 3)
+        Of the point (m, m/s).
+
+    """
+
+    stamp: int
+    frame_id: str
+    times: Array
+    position: Array
+    velocity: Array
+
+
+@dataclass(frozen=True, slots=True)
+class LandingWindow:
+    """
+    Whether to land, from everything up to ``issued_at``.
+
+    Attributes
+    ----------
+    issued_at : int
+        Stamp of the newest measurement (ns).
+    state : str
+        ``go``: the deck stays within limits throughout a window that begins now; ``wait``: more
+        likely than not, throughout one that begins later in the forecast; ``no_go``: neither.
+    seconds : float
+        ``go``: how long it stays so, that is, until when a window may still begin; ``wait``: until
+        one begins; ``no_go``: NaN.
+    probability : float
+        That the deck stays within limits throughout a window that begins now.
+    next_crest_in, next_crest_sd, next_trough_in, next_trough_sd : float
+        Until the next highest and lowest height of the touchdown point, and the sd of these times
+        (s); NaN where the forecast has none.
+
+    """
+
+    issued_at: int
+    state: str
+    seconds: float
+    probability: float
+    next_crest_in: float
+    next_crest_sd: float
+    next_trough_in: float
+    next_trough_sd: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

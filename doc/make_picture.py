@@ -9,7 +9,7 @@ from deck_motion_ros.evaluation.record import read_record
 from deck_motion_ros.samples import NANOSECONDS
 
 ROOT = Path(__file__).resolve().parents[1]
-BAG = ROOT / 'bags' / 'destroyer_202611A'
+BAG = ROOT / 'bags' / 'destroyer_202611B'
 
 
 def main() -> None:

@@ -7,6 +7,8 @@ import socket
 from hypothesis import settings
 import pytest
 
+from deck_motion_ros.blas import use_one_thread
+
 ROOT = Path(__file__).resolve().parent.parent
 
 # Before anything imports rclpy: nothing leaves this host, whatever the shell says.
@@ -14,6 +16,10 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 for name in ('ROS_LOCALHOST_ONLY', 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'):
     os.environ.pop(name, None)
 
+# A killed process leaves its shared memory behind locked, which can hang whoever comes next.
+os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
+
+use_one_thread()
 settings.register_profile('repeatable', derandomize=True, deadline=None)
 settings.load_profile('repeatable')
 

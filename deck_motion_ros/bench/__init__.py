@@ -1,5 +1,5 @@
 """
-``deck_motion bench``: speed and memory, as ratios against peers measured in the same run.
+``deck_motion bench``: speed, memory and accuracy against peers measured in the same run.
 
 Each bench runs in a process of its own, linear algebra on one thread, ROS on this host only.
 On a busy machine the CPU times still hold, the latencies do not: ``chrt -f 10 deck_motion bench
@@ -21,15 +21,23 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from deck_motion_ros.bench.alignment import alignment
+from deck_motion_ros.bench.altitude import altitude
 from deck_motion_ros.bench.figures import Figure
 from deck_motion_ros.bench.filters import kalman
+from deck_motion_ros.bench.landing import landing
 from deck_motion_ros.bench.live import latency, recorder
 from deck_motion_ros.bench.offline import memory, replay, simulator
+from deck_motion_ros.bench.prediction import prediction
+from deck_motion_ros.bench.window import window
+from deck_motion_ros.blas import VARIABLES
 
-BENCHES: Mapping[str, Callable[[], Iterator[Figure]]] = {
+# what they give: figures, the share that is done (float), remarks (str)
+BENCHES: Mapping[str, Callable[[], Iterator[Figure | float | str]]] = {
     'kalman': kalman, 'latency': latency, 'replay': replay, 'recorder': recorder,
-    'memory': memory, 'simulator': simulator}
-THREADS = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS')
+    'memory': memory, 'simulator': simulator, 'prediction': prediction, 'landing': landing,
+    'altitude': altitude, 'alignment': alignment, 'window': window}
+LONG = ('prediction', 'window')  # minutes: only if named
 HEAD = ('figure', 'ours', 'unit', 'reference', 'its figure', 'ratio', 'quartiles', 'goal', '')
 
 
@@ -40,7 +48,7 @@ def run(names: Sequence[str], json_path: Path | None, console: Console) -> int:
     Parameters
     ----------
     names : sequence of str
-        In ``BENCHES``; all if none.
+        In ``BENCHES``; all but those in ``LONG`` if none.
     json_path : Path or None
         File to write.
     console : Console
@@ -62,30 +70,41 @@ def run(names: Sequence[str], json_path: Path | None, console: Console) -> int:
             raise ValueError(f"unknown bench '{name}'; there are {', '.join(BENCHES)}")
     if json_path and not json_path.parent.is_dir():
         raise ValueError(f'{json_path}: there is no such folder')
+    chosen = names or [name for name in BENCHES if name not in LONG]
     figures: list[Figure] = []
-    failures = []
+    lines: list[str] = []
+    failed = False
     with Progress(TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(),
                   console=console, transient=True, refresh_per_second=1) as progress:
-        task = progress.add_task('', total=len(names or BENCHES))
-        for name in names or BENCHES:
-            progress.update(task, description=name)
+        task = progress.add_task('', total=len(chosen))
+        for done, name in enumerate(chosen):
+            progress.update(task, description=name, completed=done)
             try:
-                figures += in_own_process(name)
+                for item in in_own_process(name):
+                    if isinstance(item, Figure):
+                        figures.append(item)
+                    elif isinstance(item, str):
+                        lines.append(item)
+                    else:
+                        progress.update(task, completed=done + item)
             except RuntimeError as error:
-                failures.append(f'{name}: {error}')
-            progress.advance(task)
-    console.print(_table(figures))
-    for line in failures + remarks(figures):
+                lines.append(f'{name}: {error}')
+                failed = True
+    headlines = [figure for figure in figures if figure.headline]
+    console.print(_table(headlines))
+    if headlines != figures:
+        lines.append(f'{len(figures) - len(headlines)} more figures: --json')
+    for line in lines + remarks(figures):
         console.print(line, markup=False, soft_wrap=True)
     if json_path:
         rows = [figure.as_dict() for figure in figures]
         json_path.write_text(json.dumps(rows, indent=1) + '\n')
-    return 1 if failures else 0
+    return 1 if failed else 0
 
 
-def in_own_process(name: str) -> list[Figure]:
+def in_own_process(name: str) -> Iterator[Figure | float | str]:
     """
-    Run one bench alone.
+    Run one bench alone; give what it gives as it comes.
 
     Raises
     ------
@@ -93,18 +112,21 @@ def in_own_process(name: str) -> list[Figure]:
         If it fails; the text holds its last words.
 
     """
-    settings = dict.fromkeys(THREADS, '1') | {
+    settings = dict.fromkeys(VARIABLES, '1') | {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'ROS_DOMAIN_ID': str(random.SystemRandom().randint(1, 100))}
     with TemporaryFile('w+') as words, subprocess.Popen(
             [sys.executable, '-m', 'deck_motion_ros.bench', name], env={**os.environ, **settings},
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words) as process:
-        answer, _ = process.communicate()  # after Ctrl-C the process ends its nodes by itself
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=words, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:  # after Ctrl-C the process ends its nodes by itself
+            item = json.loads(line)
+            yield Figure(**item) if isinstance(item, dict) else item
+        process.wait()
         words.seek(0)
         last = words.read().strip().splitlines()[-1:]
     if process.returncode:
         raise RuntimeError(last[0] if last else f'ended with status {process.returncode}')
-    return [Figure(**row) for row in json.loads(answer)]
 
 
 def remarks(figures: Sequence[Figure]) -> list[str]:

@@ -29,7 +29,10 @@ class Figure:
     spread : tuple of 2 float or None
         Quartiles of the ratio over the rounds.
     goal : str
-        Such as ``>= 30``: of the ratio where there is a reference, else of the value.
+        Such as ``>= 30`` or ``93 to 97``: of the ratio where there is a reference, else of the
+        value.
+    headline : bool
+        Printed; otherwise it is in the file only.
 
     """
 
@@ -42,6 +45,7 @@ class Figure:
     ratio: float | None = None
     spread: tuple[float, float] | None = None
     goal: str = ''
+    headline: bool = True
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figure as ``deck_motion bench --json`` writes it."""
@@ -59,6 +63,9 @@ class Figure:
         judged = self.value if self.reference is None else self.ratio
         if not self.goal or judged is None:
             return None
+        if ' to ' in self.goal:
+            low, high = map(float, self.goal.split(' to '))
+            return low <= judged <= high
         sign, bound = self.goal.split()
         return judged >= float(bound) if sign == '>=' else judged <= float(bound)
 

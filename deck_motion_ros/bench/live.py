@@ -56,11 +56,12 @@ def latency(phases: int = 40, per_phase: int = 30) -> Iterator[Figure]:
 
     """
     place = f'/bench_{os.getpid()}'
-    with _node('deck_motion_ros.nodes.predictor', f'{place}/predictor', output_rate=1 / PERIOD), \
-            _node('deck_motion_ros.bench.echo', f'{place}/echo'), _Driver() as driver:
+    with running('deck_motion_ros.nodes.predictor', f'{place}/predictor',
+                 output_rate=1 / PERIOD), running(
+                'deck_motion_ros.bench.echo', f'{place}/echo'), Driver() as driver:
         rivals = [_Rival(driver, f'{place}/{name}') for name in ('predictor', 'echo')]
         for rival in rivals:
-            _until(lambda: rival.time() is not None, 'a node did not answer')
+            until(lambda: rival.time() is not None, 'a node did not answer')
         rounds = [[[rival.time() for _ in range(per_phase)][5:] for rival in rivals]
                   for _ in range(phases)]
     ours, echo = (
@@ -77,7 +78,7 @@ def latency(phases: int = 40, per_phase: int = 30) -> Iterator[Figure]:
 class _Rival:
     """One of the two nodes, as the driver sees it."""
 
-    def __init__(self, driver: _Driver, place: str) -> None:
+    def __init__(self, driver: Driver, place: str) -> None:
         self._driver = driver
         self._imu = driver.publisher(IMU, f'{place}/ship/imu')
         self._heave = driver.publisher(POINT, f'{place}/ship/heave')
@@ -124,12 +125,12 @@ def recorder(rate: int = 3000, duration: float = 20.0) -> Iterator[Figure]:
 
     topic = f'/bench_{os.getpid()}/ship/imu'
     number = round(rate * duration)
-    with TemporaryDirectory() as folder, _Driver() as driver:
+    with TemporaryDirectory() as folder, Driver() as driver:
         bag = Path(folder, 'bag')
         publisher = driver.publisher(IMU, topic, depth=5000)
         msg = messages.imu_message(driver.types, ship_at(0)[0])
-        with _node('deck_motion_ros.nodes.recorder', '/', output=bag, topics=[topic]) as process:
-            _until(publisher.get_subscription_count, 'the recorder did not subscribe')
+        with running('deck_motion_ros.nodes.recorder', '/', output=bag, topics=[topic]) as process:
+            until(publisher.get_subscription_count, 'the recorder did not subscribe')
             cpu, start = cpu_seconds(process.pid), perf_counter()
             for k in range(number):
                 if k % 10 == 0:
@@ -152,10 +153,10 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-class _Driver:
+class Driver:
     """A ROS node in this process."""
 
-    def __enter__(self) -> _Driver:
+    def __enter__(self) -> Driver:
         from rclpy.context import Context
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
@@ -183,7 +184,7 @@ class _Driver:
 
 
 @contextmanager
-def _node(module: str, namespace: str, **params: Any) -> Iterator[subprocess.Popen[bytes]]:
+def running(module: str, namespace: str, **params: Any) -> Iterator[subprocess.Popen[bytes]]:
     """Run a node in a process and a session of its own, and end it with SIGINT."""
     command = [sys.executable, '-c', f'from {module} import main; main()',
                '--ros-args', '--log-level', 'WARN', '-r', f'__ns:={namespace}']
@@ -203,7 +204,7 @@ def _node(module: str, namespace: str, **params: Any) -> Iterator[subprocess.Pop
                     continue
 
 
-def _until(happened: Callable[[], object], complaint: str) -> None:
+def until(happened: Callable[[], object], complaint: str) -> None:
     end = perf_counter() + PATIENCE
     while not happened():
         if perf_counter() > end:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Mapping
-from math import inf, isfinite
+from math import exp, inf, isfinite, nan
 
 import numpy as np
 
 from deck_motion_ros.estimators.joint import JointModel, JointOutlook
 from deck_motion_ros.estimators.resampling import Grid, Resampler, Tick
 from deck_motion_ros.estimators.shaping import AxisOutlook, LI2014, TunedAxis
+from deck_motion_ros.geometry import wrapped
 from deck_motion_ros.samples import Array, AXES, MotionForecast, Vector3
+
+IDENTITY = np.eye(len(AXES))
 
 
 class OutlierGate:
@@ -23,28 +25,28 @@ class OutlierGate:
     the third in a row is believed: the sensor or the ship has changed.
     """
 
-    LIMIT, PATIENCE, HALF_LIFE, WARM_UP = 7.0, 2, 50, 20
+    LIMIT, PATIENCE, WARM_UP = 7.0, 2, 20
+    FADE = 0.5 ** (1 / 50)
+    BOUND = 25.0  # times the mean square, which a square counts at most
 
     def __init__(self) -> None:
-        self._square = 0.0
-        self._number = 0.0
-        self._seen = 0
-        self._refused = 0
+        self._square = self._number = 0.0
+        self._seen = self._refused = 0
 
     def admits(self, innovation: float) -> bool:
         """Judge a sample by its innovation, any unit."""
         square = innovation * innovation
-        usual = self._square / self._number if self._number else inf
-        if (self._seen >= self.WARM_UP and square > self.LIMIT**2 * usual
-                and self._refused < self.PATIENCE):
-            self._refused += 1
-            return False
+        if self._seen > 5:
+            usual = self._square / self._number
+            if (square > self.LIMIT**2 * usual and self._seen >= self.WARM_UP
+                    and self._refused < self.PATIENCE):
+                self._refused += 1
+                return False
+            square = min(square, self.BOUND * usual)
         self._refused = 0
         self._seen += 1
-        fade = 0.5 ** (1 / self.HALF_LIFE)
-        bound = 25.0 * usual if self._seen > 5 else inf
-        self._square = fade * self._square + min(square, bound)
-        self._number = fade * self._number + 1
+        self._square = self.FADE * self._square + square
+        self._number = self.FADE * self._number + 1
         return True
 
 
@@ -71,19 +73,19 @@ class AdaptiveOutlook:
 
     def mean(self, time: float) -> Vector3:
         """Predict roll, pitch (rad) and heave (m) at ``time`` (s), the mean alone."""
-        value = [0.0, 0.0, 0.0]
         joint = self._joint
-        guest, ahead = 1.0, 0.0
-        if joint is not None:
-            ahead = time - joint.time
-            guest = float(np.interp(ahead, joint.times, joint.guest))
+        if joint is None:
+            roll, pitch, heave = (item.mean(time) for item in self._filters)
+            return roll, pitch, heave
+        ahead, value = time - joint.time, [0.0, 0.0, 0.0]
+        share = joint.share(ahead)
+        for axis, own in zip(self._axes, joint.mean(ahead), strict=True):
+            value[axis] = (1 - share) * own
         for axis, item in enumerate(self._filters):
-            if guest > 1e-6 or axis not in self._axes:
+            if axis not in self._axes:
                 value[axis] = item.mean(time)
-        if joint is not None:
-            own = _hermite(joint, ahead)[0]
-            for k, axis in enumerate(self._axes):
-                value[axis] = guest * value[axis] + (1 - guest) * float(own[k])
+            elif share > 0:
+                value[axis] += share * item.mean(time)
         return value[0], value[1], value[2]
 
     def forecast(self, time: float, horizons: Array) -> MotionForecast:
@@ -92,49 +94,26 @@ class AdaptiveOutlook:
 
         An axis that never came is predicted at rest, with the filter's own spread.
         """
-        joint, n = self._joint, len(horizons)
-        chosen = np.array(self._axes, int)
-        ahead = time + horizons - (joint.time if joint else 0.0)
-        guest = np.interp(ahead, joint.times, joint.guest) if joint else np.ones(n)
-        trust = joint.trust if joint else 0.0
-        table = np.zeros((n, 3, 4))  # value, variance, rate, its variance
-        for k in range(n):
-            for axis, item in enumerate(self._filters):
-                if guest[k] > 1e-6 or trust < 1 or axis not in self._axes:
-                    table[k, axis] = item.predict(time + float(horizons[k]))
-        mean, rate = table[..., 0], table[..., 2]
-        cov, rate_cov = (table[:, :, None, k] * np.eye(3) for k in (1, 3))
-        if joint is not None and n:
-            both = [_hermite(joint, float(item)) for item in ahead]
-            own, own_rate = (np.array([pair[i] for pair in both]) for i in (0, 1))
-            share = guest[:, None]
-            mean[:, chosen] = share * mean[:, chosen] + (1 - share) * own
-            rate[:, chosen] = share * rate[:, chosen] + (1 - share) * own_rate
-            block = (slice(None), chosen[:, None], chosen)
-            for mat, learned in ((cov, joint.cov), (rate_cov, joint.rate_cov)):
-                known = _between(ahead, joint.times, learned)
-                mat[block] = trust * known + (1 - trust) * mat[block]
-        return MotionForecast(horizons, mean, cov, rate, rate_cov)
-
-
-def _hermite(joint: JointOutlook, ahead: float) -> tuple[Array, Array]:
-    """Interpolate value and rate between the knots; hold the last value beyond them."""
-    knots = JointModel.KNOTS
-    at = min(max(ahead, 0.0), float(knots[-1]))
-    k = min(bisect_right(knots, at), len(knots) - 1) - 1
-    h = float(knots[k + 1] - knots[k])
-    u = (at - float(knots[k])) / h
-    p, q = joint.value[k], joint.value[k + 1]
-    r, s = h * joint.rate[k], h * joint.rate[k + 1]
-    a, b = 2 * (p - q) + r + s, 3 * (q - p) - 2 * r - s
-    return p + u * (r + u * (b + u * a)), (r + u * (2 * b + u * 3 * a)) / h
-
-
-def _between(ahead: Array, times: Array, covs: Array) -> Array:
-    """Interpolate covariances (h, m, m) at ``times`` (h,) to ``ahead`` (n,)."""
-    flat = covs.reshape(len(times), -1)
-    columns = [np.interp(ahead, times, column) for column in flat.T]
-    return np.stack(columns, axis=-1).reshape(len(ahead), *covs.shape[1:])
+        joint, axes = self._joint, self._axes
+        table = np.zeros((2, 2, len(horizons), len(AXES)))  # value and rate; mean and variance
+        mean, var = table[:, 0], table[:, 1]
+        if joint is not None:
+            ahead = time + horizons - joint.time
+            share = joint.shares(ahead)[:, None]
+            alone = joint.trust == 1 and not share.any()
+        for axis, item in enumerate(self._filters):
+            if joint is None or axis not in axes or not alone:
+                table[..., axis] = item.table(time, horizons).reshape(2, 2, -1)
+        if joint is None:
+            cov = var[..., None] * IDENTITY
+        else:
+            at, across = ((slice(None), slice(None)) if len(axes) == len(AXES)  # which is faster
+                          else (np.array(axes), np.array(axes)[:, None]))
+            mean[..., at] = share * mean[..., at] + (1 - share) * joint.motion(ahead)
+            var[..., at] *= 1 - joint.trust
+            cov = var[..., None] * IDENTITY
+            cov[..., across, at] += joint.trust * joint.spread(ahead)
+        return MotionForecast(horizons, mean[0], cov[0], mean[1], cov[1])
 
 
 class AdaptivePredictor:
@@ -155,10 +134,14 @@ class AdaptivePredictor:
 
     """
 
+    FINEST = 0.035  # s between the samples that a filter uses: it has no motion faster than that
     LOOK = 8.0  # s of samples that decide on axes and grid
     THIN = 0.05  # s between those that are kept meanwhile
     LONGEST_GAP = 10.0  # s: beyond it the recent past is worthless
+    LONGEST_BRIDGE = 3.0  # s that an axis may be guessed while others come
+    STUCK = 5.0  # s: an axis without any change for so long counts as silent
     DEAD = 60.0  # s: an axis silent for so long is given up
+    STEADY = 5.0  # s over which the heading is averaged
     SLOWEST = 2.1  # s between samples: no joint model beyond
 
     def __init__(self, profile: Mapping[str, Array] | None = None) -> None:
@@ -167,15 +150,22 @@ class AdaptivePredictor:
         self._gates = tuple(OutlierGate() for _ in AXES)
         self._noise_var = [0.0, 0.0, 0.0]
         self._newest = [-inf, -inf, -inf]
+        self._values = [nan, nan, nan]
+        self._changed = [-inf, -inf, -inf]
         self._intervals: tuple[deque[float], ...] = tuple(deque(maxlen=64) for _ in AXES)
         self._look_from = inf
-        self._waiting: list[tuple[float, int, float]] = []
+        self._looked_at: list[tuple[float, int, float]] = []
         self._axes: tuple[int, ...] = ()
         self._resampler: Resampler | None = None
         self._joint: JointModel | None = None
         self._bridge: AdaptiveOutlook | None = None
+        self._bridged_from = -inf
+        self._lost = False  # too long for a bridge: the filters are alone
         self._samples: Array = np.ones(0)  # in a slot, which averages their noise
-        self._time = -inf
+        self._heading: float | None = None
+        self._headed = -inf
+        self._stamp = self._time = -inf  # of the newest sample; of the newest tick
+        self._waiting: list[tuple[int, float, float]] = []  # of that stamp
 
     def measure(self, axis: int, time: float, value: float, var: float) -> None:
         """
@@ -191,69 +181,104 @@ class AdaptivePredictor:
             Radians or metres, and the variance of its error.
 
         """
-        if time <= self._newest[axis] or not isfinite(value):
+        self._reach(time)
+        self._waiting.append((axis, value, var))
+        if len(self._waiting) == len(AXES):
+            self._settle()
+
+    def head(self, time: float, yaw: float) -> None:
+        """Use the ship's heading (rad), as far as it is known: after a turn the sea is another."""
+        self._reach(time)
+        if self._heading is None:
+            self._heading = yaw
+        else:
+            weight = 1 - exp(-max(time - self._headed, 0.0) / self.STEADY)
+            self._heading += weight * wrapped(yaw - self._heading)
+        self._headed = time
+
+    def _reach(self, time: float) -> None:
+        """Go to the stamp ``time``, if it is a new one."""
+        if time != self._stamp:
+            self._settle()
+            self._stamp = time
+            if self._joint is not None and self._heading is not None:
+                self._joint.heading = self._heading  # of the stamps before
+
+    def _settle(self) -> None:
+        """Use what came with the newest stamp, in the order of the axes."""
+        waiting, self._waiting = sorted(self._waiting), []
+        if waiting:
+            self._watch_axes(self._stamp)
+        for axis, value, var in waiting:
+            self._use(axis, self._stamp, value, var)
+
+    def _use(self, axis: int, time: float, value: float, var: float) -> None:
+        since = time - self._newest[axis]
+        if not (since > 0 and isfinite(value)):
             return
-        newest = max(self._newest)
-        since, self._newest[axis] = time - self._newest[axis], time
-        filtered = self._filters[axis]
-        expected = filtered.filter.mean + filtered.filter.deviation(filtered.filter.age(time))[0]
+        self._newest[axis] = time
         self._noise_var[axis] = var
-        if not self._gates[axis].admits(value - expected):
+        if value != self._values[axis]:
+            self._values[axis], self._changed[axis] = value, time
+        filtered = self._filters[axis]
+        if not self._gates[axis].admits(value - filtered.filter.expected(time)):
             return
-        filtered.measure(time, value, var)
+        if not time - filtered.filter.time < self.FINEST:
+            filtered.measure(time, value, var)
         if since < self.LONGEST_GAP:
             self._intervals[axis].append(since)
-        if time - newest > self.LONGEST_GAP and newest > -inf:
-            self._interrupt(time)
-        self._watch_axes(axis, time)
+        if time - self._changed[axis] > self.STUCK:
+            return
         if self._resampler is None:
-            self._look(axis, time, value)
+            kept = [when for when, other, _ in reversed(self._looked_at) if other == axis]
+            if not kept or time - kept[0] >= self.THIN:
+                self._looked_at.append((time, axis, value))
         elif axis in self._axes:
             for tick in self._resampler.add(self._axes.index(axis), time, value):
                 self._advance(tick)
 
-    def _interrupt(self, time: float) -> None:
-        if self._resampler is not None and self._joint is not None:
+    def _watch_axes(self, time: float) -> None:
+        """Start when there is enough to look at, again when an axis has died or come to life."""
+        newest = max(self._newest)
+        if self._resampler is None or self._joint is None:
+            self._look_from = min(self._look_from, time)
+            if time >= self._look_from + self.LOOK:
+                self._begin(time)
+        elif time - newest > self.LONGEST_GAP:
             self._resampler = Resampler(self._resampler.grid, len(self._axes), time)
             self._joint.interrupt()
-            self._bridge = None
-
-    def _watch_axes(self, axis: int, time: float) -> None:
-        """Start to look anew when an axis has died or come to life."""
-        if self._resampler is None:
-            return
-        dead = any(time - self._newest[other] > self.DEAD for other in self._axes)
-        if dead or (axis not in self._axes and len(self._intervals[axis]) >= 5):
-            for other, intervals in enumerate(self._intervals):
-                if time - self._newest[other] > self.DEAD:
+            self._bridge, self._lost = None, False
+        elif (newest - min(self._changed[axis] for axis in self._axes) > self.DEAD
+              or any(len(self._intervals[axis]) >= 5 and newest == self._changed[axis]
+                     for axis in range(len(AXES)) if axis not in self._axes)):
+            for last, intervals in zip(self._newest, self._intervals, strict=True):
+                if newest - last > self.DEAD:
                     intervals.clear()
+            if len(self._axes) >= len(self._profile.get('grid', ())) - 2:
+                self._profile = self._joint.profile(self._axes)
             self._resampler = self._joint = self._bridge = None
-            self._axes, self._look_from, self._waiting = (), time, []
+            self._axes, self._look_from, self._looked_at = (), time, []
+            self._lost = False
 
-    def _look(self, axis: int, time: float, value: float) -> None:
-        """Collect samples until axes and rate are known, then start the joint model with them."""
-        self._look_from = min(self._look_from, time)
-        kept = [when for when, other, _ in reversed(self._waiting) if other == axis]
-        if not kept or time - kept[0] >= self.THIN:
-            self._waiting.append((time, axis, value))
-        if time < self._look_from + self.LOOK:
-            return
-        axes = tuple(k for k in range(3) if len(self._intervals[k]) >= 3
-                     and time - self._newest[k] < self.LOOK / 2)
+    def _begin(self, time: float) -> None:
+        """Start the joint model with the samples collected, once axes and rate are known."""
+        heard = {axis for _, axis, _ in self._looked_at}
+        axes = tuple(k for k in sorted(heard) if len(self._intervals[k]) >= 3
+                     and time - self._changed[k] < self.LOOK / 2)
         period = max((float(np.median(self._intervals[k])) for k in axes), default=inf)
         if period > self.SLOWEST:
-            self._look_from, self._waiting = time, []
+            self._look_from, self._looked_at = time, []
             return
         grid = Grid.of_period(period)
-        waiting = sorted(item for item in self._waiting if item[1] in axes)
+        waiting = sorted(item for item in self._looked_at if item[1] in axes)
         start = max(min(when for when, other, _ in waiting if other == k) for k in axes)
         self._axes = axes
         self._samples = np.array([max(grid.step / float(np.median(self._intervals[k])), 1.0)
                                   for k in axes])
-        self._joint = JointModel(len(axes), grid)
+        self._joint = JointModel(axes, grid)
         self._joint.recall(self._profile, axes)
         self._resampler = Resampler(grid, len(axes), start)
-        self._waiting = []
+        self._looked_at = []
         for when, other, sample in waiting:
             for tick in self._resampler.add(axes.index(other), when, sample):
                 self._advance(tick, live=False)
@@ -263,26 +288,37 @@ class AdaptivePredictor:
         joint, grid = self._joint, self._resampler.grid
         values, known = tick.values, bool(tick.known.all())
         if known:
-            self._bridge = None
+            self._bridge, self._lost = None, False
+        elif self._lost:
+            return
         else:
-            self._bridge = self._bridge or self.outlook()
+            if self._bridge is None:
+                self._bridge, self._bridged_from = self._outlook(), tick.time
+            if tick.time - self._bridged_from > self.LONGEST_BRIDGE:
+                self._lost = True
+                joint.interrupt()
+                return
             middle = tick.time - (grid.tick / 2 if grid.ticks > 1 else 0.0)
             expected = np.array(self._bridge.mean(middle))[list(self._axes)]
             values = np.where(tick.known, values, expected)
         guest = None
         if live and joint.ends_slot:
-            outlooks = [self._filters[axis].outlook() for axis in self._axes]
-            guest = np.array([[item.mean(tick.time + ahead) for item in outlooks]
-                              for ahead in joint.times.tolist()])
+            guest = np.stack([self._filters[axis].outlook().table(tick.time, joint.times)[::2]
+                              for axis in self._axes], axis=-1)
         noise_var = np.array([self._noise_var[axis] for axis in self._axes]) / self._samples
         joint.advance(values, known, guest, noise_var)
         self._time = tick.time
 
     def profile(self) -> dict[str, Array]:
         """Return what was learned of the ship, to be saved; empty before anything was."""
+        self._settle()
         return self._joint.profile(self._axes) if self._joint is not None else {}
 
     def outlook(self) -> AdaptiveOutlook:
         """Return what is known of the future now."""
-        joint = self._joint.outlook(self._time) if self._joint is not None else None
+        self._settle()
+        return self._outlook()
+
+    def _outlook(self) -> AdaptiveOutlook:
+        joint = self._joint.outlook(self._time) if self._joint and not self._lost else None
         return AdaptiveOutlook(tuple(item.outlook() for item in self._filters), self._axes, joint)

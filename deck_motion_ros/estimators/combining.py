@@ -66,6 +66,11 @@ class Combination:
             table[..., :, rival] = table[..., :, like]
 
     @property
+    def scored(self) -> Array:
+        """Number of errors behind the best known rival's variance, shape (horizons,)."""
+        return np.asarray(np.einsum('hii->hi', self._number).max(axis=1))
+
+    @property
     def covariance(self) -> Array:
         """Error covariance among the rivals, shape (horizons, axes, rivals, rivals)."""
         return np.asarray(self._sums / np.maximum(self._number, 1.0)[:, None])

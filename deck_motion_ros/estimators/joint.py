@@ -7,15 +7,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deck_motion_ros.estimators.combining import Combination, Mask
 from deck_motion_ros.estimators.resampling import Grid
+from deck_motion_ros.estimators.seakeeping import SeakeepingFit
 from deck_motion_ros.estimators.var import ForgettingVar
 from deck_motion_ros.samples import Array
 
-# order, memory (both in slots of about 0.5 s), samples that couplings must be worth
-RIVALS = ((24, 600, 0), (36, 200, 50), (60, 300, 20), (60, 2400, 0), (80, 10000, 20),
-          (100, 10000, 0))
+# order, memory (both in slots of about 0.5 s), samples that couplings must be worth, samples that
+# what ships do in waves is worth
+RIVALS = ((24, 600, 0, 0), (36, 200, 50, 0), (60, 300, 20, 0), (60, 2400, 0, 300),
+          (100, 10000, 0, 0), (60, 300, 0, 3000))
+SPACING = 0.5
+KNOTS: Array = SPACING * np.arange(25.0)  # s ahead
+# cubics 1, u, u^2, u^3 through two knots, of value and rate: factors of the values there and of
+# the rates there
+HERMITE = np.array([[[1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]],
+                    [[0, -6, 6, 0], [0, 6, -6, 0], [1, -4, 3, 0], [0, -2, 3, 0]]], float)
+POWERS = np.arange(4)[:, None]
+HERMITE[0, 2:] *= SPACING
+HERMITE[1, :2] /= SPACING
+SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12  # of a cubic in its middle, by five points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,27 +40,62 @@ class JointOutlook:
     ----------
     time : float
         Of the instant from which it looks ahead (s).
-    value, rate : ndarray, shape (knots, m)
-        At ``JointModel.KNOTS`` seconds ahead, without the guest's share.
-    guest : ndarray, shape (horizons,)
-        The guest's weight at the scored horizons.
+    motion_at : ndarray, shape (2, knots, m)
+        Value and rate at ``KNOTS`` seconds ahead, without the guest's share.
     times : ndarray, shape (horizons,)
         The scored horizons, seconds ahead of ``time``.
-    cov, rate_cov : ndarray, shape (horizons, m, m)
-        Error covariances of the whole combination at the scored horizons.
+    guest : ndarray, shape (horizons,)
+        The guest's weight at them.
+    cov_at : ndarray, shape (2, horizons, m, m)
+        Error covariances of the whole combination's value and rate at them.
     trust : float
         How far they rest on experience: 0 not at all, 1 fully.
 
     """
 
     time: float
-    value: Array
-    rate: Array
-    guest: Array
+    motion_at: Array
     times: Array
-    cov: Array
-    rate_cov: Array
+    guest: Array
+    cov_at: Array
     trust: float
+
+    def share(self, ahead: float) -> float:
+        """Return the guest's weight ``ahead`` seconds on."""
+        return float(np.interp(ahead, self.times, self.guest))
+
+    def shares(self, ahead: Array) -> Array:
+        """Return the guest's weight some seconds on, shape (n,)."""
+        return np.interp(ahead, self.times, self.guest)
+
+    def mean(self, ahead: float) -> list[float]:
+        """Predict the axes ``ahead`` seconds on, without the guest's share."""
+        at = min(max(ahead / SPACING, 0.0), len(KNOTS) - 1)
+        k = min(int(at), len(KNOTS) - 2)
+        u = at - k
+        weights = HERMITE[0] @ (1.0, u, u * u, u * u * u)
+        found: list[float] = (weights @ self.motion_at[:, k:k + 2].reshape(4, -1)).tolist()
+        return found
+
+    def motion(self, ahead: Array) -> Array:
+        """Predict the same and its rate for some times: shape (2, n, m)."""
+        k, u = _place(ahead, KNOTS)
+        weights = HERMITE @ u**POWERS
+        around = self.motion_at[:, k + np.array([[0], [1]])].reshape(4, len(ahead), -1)
+        return np.asarray(np.einsum('akn,knm->anm', weights, around))
+
+    def spread(self, ahead: Array) -> Array:
+        """Return the covariances of value and rate for some times: shape (2, n, m, m)."""
+        k, u = _place(ahead, self.times)
+        u = u[:, None, None]
+        return np.asarray((1 - u) * self.cov_at[:, k] + u * self.cov_at[:, k + 1])
+
+
+def _place(at: Array, knots: Array) -> tuple[NDArray[np.int_], Array]:
+    """Find the knot before each of some numbers and the share of the way to the next, 0 to 1."""
+    place = np.interp(at, knots, np.arange(len(knots)))
+    before = np.minimum(place.astype(int), len(knots) - 2)
+    return before, place - before
 
 
 class JointModel:
@@ -56,19 +104,26 @@ class JointModel:
 
     Rivals of different order and memory (:class:`ForgettingVar`), "the mean" and a guest from
     outside forecast each slot; :class:`Combination` weighs them. One rival is refitted every
-    1.5 s, in turn. What is promised is the combination's error variance by the rivals' error
-    covariance, times what the promises turned out to be worth.
+    1.5 s, in turn. Some lean on what ships do in waves (:class:`SeakeepingFit`): they are good
+    while little was seen, and after a turn. What is promised is the combination's error variance
+    by the rivals' error covariance, times what the promises turned out to be worth.
 
     Parameters
     ----------
-    axes : int
-        Number of axes m.
+    which : sequence of int
+        Axes: which of ROLL, PITCH, HEAVE; m of them.
     grid : Grid
+
+    Attributes
+    ----------
+    times : ndarray, shape (horizons,)
+        Seconds from an instant to the middles of the slots that are scored.
+    heading : float or None
+        Of the ship (rad, without jumps), if it is known.
 
     """
 
     HORIZONS = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)  # s, scored
-    KNOTS = np.linspace(0.0, 12.0, 25)  # s ahead
     BACK = 5  # past slots that the readout uses
     CAPACITY = 2400  # slots remembered for the mean
     REFIT_EVERY = 1.5  # s, one of the rivals in turn
@@ -76,6 +131,7 @@ class JointModel:
     HALF_LIFE, PROMISE_HALF_LIFE = 40.0, 120.0  # s
     ALARM_HALF_LIVES = np.array([5.0, 20.0])  # s: to widen, to narrow
     TRIAL = 30.0  # s of promises kept before they are trusted fully
+    BASIS = 20.0  # slots scored before anything is promised
     BELIEF = 4.0  # slots that the initial belief in the promises weighs
     LONG = 600.0  # slots: only a longer memory can be outdated for long
     WELL_FED = 12.0  # slots for each lag: who has so many should be good
@@ -83,17 +139,25 @@ class JointModel:
     RELEARN = 120.0  # s of quick forgetting then
     BEYOND = 4.0  # sd: farther errors are not learned in full
     WORST = 400.0  # squares of sd that the alarm believes
+    AFLOAT = 200.0  # slots: half the window of the mean that ship and sea are fitted about
     LEAST = 1e-12  # variance: nothing is known better (rad^2, m^2)
 
-    def __init__(self, axes: int, grid: Grid) -> None:
-        step = grid.step
+    def __init__(self, which: Sequence[int], grid: Grid) -> None:
+        step, axes = grid.step, len(which)
         self.axes, self.grid = axes, grid
+        self.heading: float | None = None
         shrink = min(0.5 / step, 1.0)  # slower input: as many seconds, not as many slots
         self._rivals = [ForgettingVar(axes, max(round(order * shrink), 6), memory * shrink, cross)
-                        for order, memory, cross in RIVALS]
+                        for order, memory, cross, _ in RIVALS]
+        self._fit = SeakeepingFit(which, grid)
         self._steps = np.unique([max(round(time / step), 1) for time in self.HORIZONS])
-        self._ahead = int((self.KNOTS[-1] + grid.age) / step) + self.BACK + 1
-        self._value_of, self._rate_of = readout(grid, self.KNOTS, self.BACK, self._ahead)
+        self.times: Array = self._steps * step - grid.age
+        self._ahead = int((KNOTS[-1] + grid.age) / step) + self.BACK + 1
+        # rates are slopes of what is read, which err by less than rates read off the slots
+        around = SPACING * np.arange(-2.0, len(KNOTS) + 2.0)
+        read = readout(grid, np.asarray(around), self.BACK, self._ahead)
+        slopes = [SLOPE @ read[k:k + 5] / SPACING for k in range(len(KNOTS))]
+        self._readout = np.stack([read[2:-2], slopes])
         self._reach = max(rival.order for rival in self._rivals)
         self._track = np.zeros((2 * self.CAPACITY * grid.ticks, axes))  # slots ending at each tick
         self._size = 0  # of the track
@@ -122,7 +186,7 @@ class JointModel:
         self._combined = np.zeros((self._ahead * axes, width)), np.zeros((self._ahead, axes))
 
         # rings of what was said at the last slots; promised are value, slope and sd
-        ring = int(self._steps[-1]) + 2
+        ring = int(self._steps[-1]) + 3
         self._said = np.zeros((ring, h, number, axes))
         self._spoke = np.zeros((ring, number), bool)
         self._promised = np.full((ring, 3, h, axes), np.inf)
@@ -132,10 +196,12 @@ class JointModel:
         self._promise_fade = 0.5 ** (step / self.PROMISE_HALF_LIFE)
         self._alarm_fade = 0.5 ** (step / self.ALARM_HALF_LIVES)
         self._alarm: Array = np.ones(2)
+        self._renew_spread()
+        self._seen: JointOutlook | None = None  # what outlook returned since the last tick
 
     def interrupt(self) -> None:
         """Forget the recent past, not what was learned: samples were missing for long."""
-        self._run = 0
+        self._run, self._seen = 0, None
         self._recent.clear()
         self._known.clear()
         self._spoke[:] = False
@@ -148,25 +214,23 @@ class JointModel:
                                  for k, rival in enumerate(self._rivals)}
 
     def recall(self, profile: Mapping[str, Array], axes: Sequence[int]) -> None:
-        """Start with what an earlier run learned, if its axes and its grid were these."""
-        grid = profile.get('grid', np.zeros(0))
-        if len(grid) != 2 + len(axes) or not np.allclose(
-                grid, [self.grid.tick, self.grid.ticks, *axes], rtol=0.05, atol=0.0):
+        """Start with what an earlier run learned, if it had these axes and this grid."""
+        grid = profile.get('grid', np.zeros(2))
+        stored = grid[2:].tolist()
+        if not {*axes} <= {*stored} or not np.allclose(
+                grid[:2], [self.grid.tick, self.grid.ticks], rtol=0.05, atol=0.0):
             return
+        place = np.array([stored.index(axis) for axis in axes])
         for k, rival in enumerate(self._rivals):
-            learned = profile.get(f'rival{k}', np.zeros(0))
-            if learned.shape == rival.prior.shape:
-                rival.prior = np.array(learned, float)
+            learned = profile.get(f'rival{k}', np.zeros((1, 0)))
+            if learned.shape[1] == len(stored) * (rival.order + 1):
+                rows = (np.arange(rival.order + 1)[:, None] * len(stored) + place).ravel()
+                rival.prior = learned[np.append(rows, -1)][:, rows]
 
     @property
     def ends_slot(self) -> bool:
         """Say whether the next tick ends a slot."""
         return (self._run + 1) % self.grid.ticks == 0
-
-    @property
-    def times(self) -> Array:
-        """Seconds from an instant to the middles of the slots that are scored."""
-        return np.asarray(self._steps * self.grid.step - self.grid.age)
 
     def advance(self, values: Array, known: bool, guest: Array | None,
                 noise_var: Array) -> None:
@@ -179,13 +243,14 @@ class JointModel:
             Means over the tick, or values at its end (:class:`Tick`).
         known : bool
             False: bridged, to be neither learned nor scored.
-        guest : ndarray, shape (horizons, m), or None
-            The guest's forecasts at ``times`` where ``ends_slot``; without them the slot is
-            learned but nothing is forecast.
+        guest : ndarray, shape (2, horizons, m), or None
+            The guest's forecasts of value and rate at ``times`` where ``ends_slot``; without
+            them the slot is learned but nothing is forecast.
         noise_var : ndarray, shape (m,)
             Variance of the noise of a slot.
 
         """
+        self._seen = None
         if not self._size:
             self._origin = values
         self._recent.append(values - self._origin)
@@ -209,10 +274,13 @@ class JointModel:
         self._score(slot)
         if self._turn % self._every == 1:
             self._refit(self._turn // self._every % len(self._rivals))
+        if self._turn % (2 * self._every) == 0:
+            self._fit_ship()
         if self._turn % self.WEIGH_EVERY == 0:
             self._weigh()
+        self._renew_spread()
         if guest is not None:
-            self._say(at, guest - self._origin)
+            self._say(at, guest - np.array([self._origin, 0 * self._origin])[:, None])
 
     def _past(self, slots: int) -> Array:
         """Return the last slots (slots, m), the newest first; the mean before they began."""
@@ -243,9 +311,9 @@ class JointModel:
         self._number *= np.where(kept, self._promise_fade, 1.0)
         self._number += kept
         self._keep(0, errors * tame, kept)
-        # the slope at the slot before, now that its other side is known
-        _, slope, sd = self._promised[back - 1, :, rows].transpose(1, 0, 2)
-        came = (slot - self._past(3)[2]) / (2 * self.grid.step)
+        # the slope two slots before, now that its other side is known
+        _, slope, sd = self._promised[back - 2, :, rows].transpose(1, 0, 2)
+        came = SLOPE @ self._past(5)[::-1] / self.grid.step
         errors = np.where(np.isfinite(sd), slope - came, 0.0) / sd
         self._keep(1, errors * self._tame(errors, self._usual(1)), np.isfinite(sd[:, 0]))
 
@@ -262,6 +330,17 @@ class JointModel:
         self._errors[kind] *= fade[:, None, None]
         self._errors[kind] += errors[:, :, None] * errors[:, None, :]
 
+    def _fit_ship(self) -> None:
+        """Let the fit of ship and sea learn the slots since its last turn and go one step."""
+        fit = self._fit
+        if self.heading is not None:
+            fit.head(self.heading)
+        new = min(2 * self._every, self._run // self.grid.ticks - fit.order)
+        if new > 0:
+            slots = self._newest(fit.order + new)[::-1] - self._smooth_mean(self.AFLOAT)
+            fit.learn(slots, np.array(self._known)[-new:])
+            fit.improve(self._noise_var)
+
     def _refit(self, index: int) -> None:
         """Let one rival learn the slots since its last turn and solve."""
         rival = self._rivals[index]
@@ -270,14 +349,16 @@ class JointModel:
         self._learned[index] = self._turn
         if new > 0:
             rival.learn(self._newest(rival.order + new)[::-1], np.array(self._known)[-new:])
-        if not rival.is_ready:
+        samples = RIVALS[index][-1]
+        expected = self._fit.expected(rival.order, samples) if samples else None
+        if expected is None and not rival.is_ready:
             return
         if (rival.memory > self.LONG and rival.weight > self.WELL_FED * rival.order
                 and self._losses[index] > self.OUTDATED):
             rival.forget(int(self.RELEARN / self.grid.step))
         self._mean = self._smooth_mean(rival.memory)
         try:
-            model = rival.solve(self._mean, np.sqrt(self._noise_var))
+            model = rival.solve(self._mean, np.sqrt(self._noise_var), expected)
         except np.linalg.LinAlgError:
             return  # keep the model there is
         forecast, offset = model.ahead(self._ahead)
@@ -326,8 +407,9 @@ class JointModel:
 
     def _bounded(self, slots: Array) -> Array:
         """Keep forecasts within what the axes have ever done, and half as much again."""
-        middle, half = (self._high + self._low) / 2, 0.75 * (self._high - self._low)
-        return np.asarray(np.clip(slots, middle - half, middle + half))
+        reach = self._high - self._low
+        return np.asarray(np.minimum(np.maximum(slots, self._low - reach / 4),
+                                     self._high + reach / 4))
 
     def _say(self, at: int, guest: Array) -> None:
         """Note what everybody forecasts now, and what is promised of the combination."""
@@ -335,37 +417,41 @@ class JointModel:
         flat = self._scored.reshape(-1, self._scored.shape[3]) @ past.ravel()
         said = self._bounded(flat.reshape(self._scored.shape[:3]) + self._offset[:, steps - 1])
         self._said[at, :, :-1] = said.transpose(1, 0, 2)
-        self._said[at, :, -1] = guest
+        self._said[at, :, -1] = guest[0]
         self._spoke[at] = self._speaking
-        slots = np.vstack([past[:1], self._trajectory(past)])
-        slope = (slots[steps + 1] - slots[steps - 1]) / (2 * self.grid.step)
-        guest_slope = (guest[1:] - guest[:-1]) / np.diff(self.times)[:, None]
-        guest_slope = np.vstack([guest_slope, guest_slope[-1:]])
+        slots = np.vstack([past[1::-1], self._trajectory(past)])
+        slope = np.einsum('k,hka->ha', SLOPE, slots[steps[:, None] + np.arange(-1, 4)])
         share = self._weights[:, -1, None]
-        self._promised[at] = (share * guest + (1 - share) * slots[steps],
-                              share * guest_slope + (1 - share) * slope, self._promised_sd())
+        self._promised[at] = (share * guest[0] + (1 - share) * slots[steps + 1],
+                              share * guest[1] + (1 - share) * slope / self.grid.step,
+                              np.where(self._combination.scored[:, None] < self.BASIS, np.inf,
+                                       self._sd))
 
-    def _promised_sd(self) -> Array:
+    def _renew_spread(self) -> None:
+        """Renew promised sds, and what the outlook says of covariances, once a slot."""
         cov = self._combination.covariance
         weighted = np.einsum('hj,haji->hai', self._weights, cov)
         var = np.einsum('hai,hi->ha', weighted, self._weights)
-        return np.asarray(np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST))
+        self._sd = np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST)
+        unit = self._sd[:, :, None] * self._sd[:, None, :] / self._number[:, None, None]
+        noise = self._noise_var
+        widen = max(float(self._alarm[0]) / 1.5, min(float(self._alarm[1]) / 0.6, 1.0))
+        self._cov = widen * np.stack([
+            _without(unit * self._errors[0], noise),
+            _without(unit * self._errors[1], noise * (SLOPE @ SLOPE) / self.grid.step**2)])
+        self._trust = float(np.clip((self._number.min() - self.BELIEF) * self.grid.step
+                                    / self.TRIAL, 0.0, 1.0))
 
     def outlook(self, time: float) -> JointOutlook:
         """Freeze what is known at the newest instant, ``time`` (s)."""
-        past = self._past(self._reach)
-        slots = np.vstack([past[self.BACK - 1::-1], self._trajectory(past)])
-        sd = self._promised_sd()
-        unit = sd[:, :, None] * sd[:, None, :] / self._number[:, None, None]
-        noise = self._noise_var
-        widen = max(float(self._alarm[0]) / 1.5, min(float(self._alarm[1]) / 0.6, 1.0))
-        return JointOutlook(
-            time, self._value_of @ slots + self._origin,
-            self._rate_of @ slots, self._weights[:, -1], self.times,
-            widen * _without(unit * self._errors[0], noise),
-            widen * _without(unit * self._errors[1], noise / (2 * self.grid.step**2)),
-            float(np.clip((self._number.min() - self.BELIEF) * self.grid.step / self.TRIAL,
-                          0.0, 1.0)))
+        if self._seen is None:
+            past = self._past(self._reach)
+            slots = np.vstack([past[self.BACK - 1::-1], self._trajectory(past)])
+            motion = self._readout @ slots
+            motion[0] += self._origin
+            self._seen = JointOutlook(time, motion, self.times, self._weights[:, -1], self._cov,
+                                      self._trust)
+        return self._seen
 
 
 def _without(cov: Array, noise: Array) -> Array:
@@ -375,9 +461,9 @@ def _without(cov: Array, noise: Array) -> Array:
     return np.asarray(cov * root[:, :, None] * root[:, None, :])
 
 
-def readout(grid: Grid, times: Array, back: int, ahead: int) -> tuple[Array, Array]:
+def readout(grid: Grid, times: Array, back: int, ahead: int) -> Array:
     """
-    Read values and rates off a series of slots: the best linear interpolation of ship motion.
+    Read values off a series of slots: the best linear interpolation of ship motion.
 
     The slots' averaging is undone. Motion is taken to have power up to 0.45 Hz, or as far as the
     slots can carry, falling off above 0.25 Hz; a slot to have noise of 1e-4 of it.
@@ -393,7 +479,7 @@ def readout(grid: Grid, times: Array, back: int, ahead: int) -> tuple[Array, Arr
 
     Returns
     -------
-    value, rate : ndarray, shape (n, back + ahead)
+    ndarray, shape (n, back + ahead)
         Weights of the slots.
 
     """
@@ -404,12 +490,11 @@ def readout(grid: Grid, times: Array, back: int, ahead: int) -> tuple[Array, Arr
               if grid.ticks > 1 else np.ones(len(frequency)))
     middles = np.arange(1 - back, ahead + 1) * grid.step - grid.age
     omega = 2 * np.pi * frequency
-    value, rate = np.zeros((2, len(times), back + ahead))
+    value = np.zeros((len(times), back + ahead))
     for k, time in enumerate(times):
         near = np.argsort(np.abs(middles - time), kind='stable')[:2 * back]
         lags = middles[near, None] - middles[near]
         cov = np.cos(lags[..., None] * omega) @ (power * passes**2) + 1e-4 * np.eye(len(near))
         shift = np.outer(time - middles[near], omega)
         value[k, near] = np.linalg.solve(cov, np.cos(shift) @ (power * passes))
-        rate[k, near] = np.linalg.solve(cov, -np.sin(shift) @ (power * passes * omega))
-    return value, rate
+    return value

@@ -92,30 +92,25 @@ class _Axis:
     def pass_to(self, start: float, end: float, mean: bool) -> tuple[float, float]:
         """Interpolate linearly; return mean over (start, end) or value at end, and widest gap."""
         samples = self.samples
-        total, gap, at, value = 0.0, 0.0, start, None
-        while True:
-            left = samples[0]
-            if len(samples) == 1 or left[0] > end:  # nothing on the other side: hold
-                here = left[1]
-                total += here * (end - at)
-                gap = max(gap, abs(end - left[0]))
-                value = here
+        total, gap, at = 0.0, 0.0, start
+        left, value = samples[0]
+        while at < end:
+            if len(samples) == 1 or left > end:  # nothing on the other side: hold
+                total += value * (end - at)
+                gap = max(gap, abs(end - left))
                 break
-            right = samples[1]
-            slope = (right[1] - left[1]) / (right[0] - left[0])
-            upto = min(right[0], end)
+            right, later = samples[1]
+            slope = (later - value) / (right - left)
+            upto = right if right < end else end
             if upto > at:
-                middle = left[1] + slope * ((at + upto) / 2 - left[0])
-                total += middle * (upto - at)
-                gap = max(gap, right[0] - left[0])
+                total += (value + slope * ((at + upto) / 2 - left)) * (upto - at)
+                gap = max(gap, right - left)
                 at = upto
-                value = left[1] + slope * (end - left[0])
-            if right[0] > end:
+            if right > end:
+                value += slope * (end - left)
                 break
             samples.popleft()
-            if at >= end:
-                break
-        assert value is not None
+            left, value = right, later
         return (total / (end - start) if mean else value), gap
 
 
@@ -147,6 +142,8 @@ class Resampler:
     def add(self, axis: int, time: float, value: float) -> list[Tick]:
         """Take a sample; return the instants that are complete now, the oldest first."""
         self._axes[axis].add(time, value)
+        if time - self.time - self.grid.tick < -self.grid.slack:  # no axis makes it complete
+            return []
         newest = max(item.newest for item in self._axes)
         ready = min((item.newest for item in self._axes
                      if item.newest >= newest - self._patience))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from functools import lru_cache
+from itertools import chain
 from math import floor, inf, nan, radians, sqrt
 from typing import Protocol
 
@@ -81,6 +82,11 @@ class AxisFilter:
                                       var + self._excess)
         return innovation
 
+    def expected(self, time: float) -> float:
+        """Predict the axis at ``time`` (s), the mean alone."""
+        (f1, f2, _, _), _ = self.process.step(self.age(time))
+        return self.mean + f1 * self.state[0] + f2 * self.state[1]
+
     def age(self, time: float) -> float:
         """Return the seconds since the newest measurement, 0 before the first."""
         return time - self.time if self.time == self.time else 0.0
@@ -114,13 +120,8 @@ class AxisFilter:
             Deviation, its variance, mean rate (see :meth:`mean_rate`), its variance.
 
         """
-        by_state, by_cov, noise = _linear(self.process, ahead.tobytes())
-        x1, x2, p11, p12, p22 = self.state
-        table = np.empty((4, len(ahead)))
-        table[::2] = by_state[0] * x1 + by_state[1] * x2
-        table[1::2] = by_cov[0] * p11 + by_cov[1] * p12 + by_cov[2] * p22 + noise
-        table[1] += self._excess
-        return table
+        factors = _linear(self.process, ahead.tobytes())
+        return (np.array((*self.state, self._excess, 1.0)) @ factors).reshape(4, -1)
 
     def frozen(self) -> AxisFilter:
         """Return a copy that keeps today's estimate."""
@@ -130,9 +131,9 @@ class AxisFilter:
 
 
 @lru_cache(maxsize=64)
-def _linear(process: ShapingFilter, times: bytes) -> tuple[Array, Array, Array]:
+def _linear(process: ShapingFilter, times: bytes) -> Array:
     """
-    Write deviation and mean rate ahead as linear functions of state and covariance.
+    Write the table of :meth:`AxisFilter.table` as a linear function of state and covariance.
 
     Parameters
     ----------
@@ -143,23 +144,23 @@ def _linear(process: ShapingFilter, times: bytes) -> tuple[Array, Array, Array]:
 
     Returns
     -------
-    by_state, by_cov, noise : ndarray, shape (2, 2, n), (3, 2, n), (2, n)
-        Factors of x1, x2, of p11, p12, p22, and the variance that comes of itself; the rows of
-        each are deviation and mean rate.
+    ndarray, shape (7, 4 * n)
+        Factors of x1, x2, p11, p12, p22 and the excess variance, and what comes of itself.
 
     """
     (phi_11, phi_12, _, _), (window_var, _, _) = process.step(RATE_WINDOW)
     r1, r2 = (phi_11 - 1) / RATE_WINDOW, phi_12 / RATE_WINDOW  # rate = r1 x1 + r2 x2 + noise
-    columns = []
+    table = []
     for time in np.frombuffer(times).tolist():
         (f1, f2, _, _), (var, _, _) = process.step(time)
         (s11, s12, s21, s22), (q11, q12, q22) = process.step(max(time - RATE_WINDOW / 2, 0.0))
         g1, g2 = r1 * s11 + r2 * s21, r1 * s12 + r2 * s22
-        columns.append((
-            f1, g1, f2, g2, f1 * f1, g1 * g1, 2 * f1 * f2, 2 * g1 * g2, f2 * f2, g2 * g2, var,
-            r1 * r1 * q11 + 2 * r1 * r2 * q12 + r2 * r2 * q22 + window_var / RATE_WINDOW**2))
-    rows = np.array(columns).T.reshape(6, 2, -1)
-    return rows[:2], rows[2:5], rows[5]
+        rate_var = r1 * r1 * q11 + 2 * r1 * r2 * q12 + r2 * r2 * q22 + window_var / RATE_WINDOW**2
+        table.append(((f1, f2, 0.0, 0.0, 0.0, 0.0, 0.0),
+                      (0.0, 0.0, f1 * f1, 2 * f1 * f2, f2 * f2, 1.0, var),
+                      (g1, g2, 0.0, 0.0, 0.0, 0.0, 0.0),
+                      (0.0, 0.0, g1 * g1, 2 * g1 * g2, g2 * g2, 0.0, rate_var)))
+    return np.array(table).T.reshape(7, -1)
 
 
 class Slots:
@@ -222,9 +223,9 @@ class Slots:
             Number of pairs behind each.
 
         """
-        table = np.array(self._slots)
+        table = np.fromiter(chain.from_iterable(self._slots), float).reshape(-1, 2)
         index = table[:, 0].astype(int) - int(table[0, 0])
-        mean, var = self.moments()
+        mean, var = float(table[:, 1].mean()), float(table[:, 1].var())
         series, there = np.zeros(index[-1] + 1), np.zeros(index[-1] + 1)
         series[index] = table[:, 1] - mean
         there[index] = 1.0
@@ -314,8 +315,8 @@ class ForecastScore:
         self._ratio = ratio
         self._kept: deque[tuple[float, AxisFilter]] = deque()
         n = len(self.HORIZONS)
-        self._slope_sums = np.zeros((2, n))  # of d * came / P and d * d / P
-        self._error_sums = np.zeros((3, n))  # of error^2 / P, noise / P, and their number
+        # of each horizon: sums of d * came / P, d * d / P, error^2 / P, noise / P, their number
+        self._sums = [(0.0, 0.0, 0.0, 0.0, 0.0)] * n
         self.slopes = (1.0,) * (n + 1)  # at 0 and at the horizons
         self.ratios = (1.0, *(ratio,) * n)
 
@@ -340,23 +341,22 @@ class ForecastScore:
             deviation, promised = kept.deviation(kept.age(time))
             came = value - kept.mean
             error = came - self.slopes[k + 1] * deviation
-            self._slope_sums[:, k] *= fade
             # a surprise counts as one of 4 sd: else a calm that ends would be felt for minutes
             scale = max(promised, (error / 4)**2)
-            self._slope_sums[:, k] += deviation * came / scale, deviation**2 / scale
-            self._error_sums[:, k] *= fade
-            self._error_sums[:, k] += error * error / scale, var / scale, 1.0
+            both, own, errors, noise, number = self._sums[k]
+            self._sums[k] = (
+                fade * both + deviation * came / scale, fade * own + deviation**2 / scale,
+                fade * errors + error * error / scale, fade * noise + var / scale,
+                fade * number + 1.0)
             if horizon == 3.0:
                 recent = error / sqrt(promised * self.ratios[k + 1] + var)
-        both, own = self._slope_sums
-        slopes = np.clip((both + self.PRIOR) / (own + self.PRIOR), 0.0, 1.0)
-        self.slopes = (1.0, *slopes.tolist())
-        errors, noise, number = self._error_sums
-        if errors[0] < noise[0]:  # a sensor that bad could not confirm the forecasts so well
-            noise = np.zeros_like(errors)
-        excess = np.maximum(errors - noise, 0.5 * errors)
-        ratios = (excess + self._ratio * self.PRIOR) / (number + self.PRIOR)
-        self.ratios = (1.0, *ratios.tolist())
+        # a sensor that could not confirm forecasts so well is not as bad as it is said to be
+        believed = float(self._sums[0][2] >= self._sums[0][3])
+        self.slopes = (1.0, *(min(max((both + self.PRIOR) / (own + self.PRIOR), 0.0), 1.0)
+                              for both, own, _, _, _ in self._sums))
+        self.ratios = (1.0, *(
+            (max(errors - believed * noise, 0.5 * errors) + self._ratio * self.PRIOR)
+            / (number + self.PRIOR) for _, _, errors, noise, number in self._sums))
         return recent
 
     def is_due(self, time: float) -> bool:
@@ -416,7 +416,7 @@ class AxisOutlook:
         ndarray, shape (4, n)
 
         """
-        ahead = self._state.age(time) + horizons
+        ahead = round(self._state.age(time), 6) + horizons  # so that its factors come again
         table = self._state.table(ahead)
         table[::2] *= np.interp(ahead, self._GRID, self._slopes)
         table[1::2] *= np.interp(ahead, self._GRID, self._ratios)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import exp, pi, radians
+from math import exp, inf, nan, pi, radians
 from typing import Protocol
 
 import numpy as np
@@ -13,6 +14,7 @@ from deck_motion_ros.config import parameter
 from deck_motion_ros.estimators.adaptive import AdaptivePredictor
 from deck_motion_ros.estimators.interleaved import InterleavedPredictor
 from deck_motion_ros.estimators.shaping import ShapingPredictor
+from deck_motion_ros.estimators.window import chosen_limits, Limits, Lookout, PRESETS
 from deck_motion_ros.geometry import (
     attitude_of_mounted,
     height_above_rest,
@@ -53,10 +55,10 @@ class PredictorConfig:
     """Parameters of the predictor."""
 
     method: str = parameter(
-        'shaping', 'How the motion is predicted: per-axis shaping-filter Kalman filters (Li2014); '
-        'all axes learned together, on top of these (adaptive); or pairs of interleaved '
-        'constant-acceleration filters (Zhang2021: for up to 1 s ahead)',
-        choices=('shaping', 'adaptive', 'interleaved'))
+        'adaptive', 'How the motion is predicted: all axes learned together while the ship is '
+        'observed, on top of the next (adaptive); per-axis shaping-filter Kalman filters '
+        '(Li2014); or pairs of interleaved constant-acceleration filters (Zhang2021: for up to '
+        '1 s ahead)', choices=('adaptive', 'shaping', 'interleaved'))
     horizon: float = parameter(3.0, 'How far ahead the height is predicted', 's', 0.1, 10.0)
     lever_arm: Vector3 = parameter(
         (-67.97, 3.05, 19.5), 'Touchdown point in ship_base_link: forward, left, up', 'm',
@@ -77,6 +79,31 @@ class PredictorConfig:
         'ship_base_link', 'deg', -360.0, 360.0, length=3)
     horizontal_sd: float = parameter(
         0.5, 'What surge and sway, which are not measured, are worth', 'm', 0.0, 100.0)
+    window_preset: str = parameter(
+        'helicopter', 'Limits of a landing: for a helicopter, significant amplitudes by the RMS '
+        'criteria of STANAG 4154 as remembered, not verified (2.5 m, 2 m/s, roll 5, pitch 3 deg); '
+        'or for a small drone, our own guess (1.5 m, 0.75 m/s, 4, 2.5 deg)',
+        choices=tuple(PRESETS))
+    window_height: float = parameter(
+        nan, 'Limit of the height, up or down from rest; unset = of the preset', 'm', 0.001, 100.0)
+    window_rate: float = parameter(
+        nan, 'Limit of the vertical rate; unset = of the preset', 'm/s', 0.001, 100.0)
+    window_roll_deg: float = parameter(
+        nan, 'Limit of the roll; unset = of the preset', 'deg', 0.001, 90.0)
+    window_pitch_deg: float = parameter(
+        nan, 'Limit of the pitch; unset = of the preset', 'deg', 0.001, 90.0)
+    window_duration: float = parameter(
+        5.0, 'How long the deck must stay within the limits', 's', 0.25, 10.0)
+    window_confidence: float = parameter(
+        0.9, 'From which probability on it is go', '', 0.5, 0.999)
+    window_output_rate: float = parameter(
+        2.0, 'At most this many landing windows per second of stamp time', 'Hz', 0.01, 1000.0)
+    profile: str = parameter(
+        '', 'File of what an earlier run learned of this ship with these sensors, for a warm '
+        'start of method adaptive; empty = none. One of other axes or another rate is left aside')
+    save_profile: str = parameter(
+        '', 'File to keep what method adaptive learns, renewed every 60 s of stamps and at the '
+        'end; empty = none. If profile names the same file, that need not exist at first')
     ship_level_frame: str = parameter('ship_level', 'Level frame at the reference point')
     ship_base_link_frame: str = parameter('ship_base_link', "The ship's body frame")
     touchdown_frame: str = parameter('touchdown', 'Frame of the touchdown point, deck axes')
@@ -89,6 +116,16 @@ class PredictorConfig:
                        'mru': radians(0.05)}[self.shaping_preset]
         heave_sd = self.heave_sd if self.shaping_preset == 'tuned' else 0.05
         return attitude_sd**2, heave_sd**2
+
+    def limits(self) -> Limits:
+        """Return what a landing bears: the preset, but for what is set."""
+        return chosen_limits(self.window_preset, self.window_height, self.window_rate,
+                             radians(self.window_roll_deg), radians(self.window_pitch_deg))
+
+    def lookout(self) -> Lookout:
+        """Make what judges landing windows."""
+        return Lookout(self.limits(), self.window_duration, self.window_confidence,
+                       self.window_output_rate)
 
 
 class MotionOutlook(Protocol):
@@ -239,6 +276,8 @@ class TouchdownPredictor:
     Parameters
     ----------
     config : PredictorConfig
+    profile : mapping of str to ndarray, optional
+        What :meth:`profile` gave on an earlier run, for method ``adaptive``.
 
     Attributes
     ----------
@@ -246,13 +285,17 @@ class TouchdownPredictor:
         How often the clock was found to have been set anew.
     newest : int or None
         Newest stamp (ns).
+    measured : list of (int, float, float)
+        Axis, value and variance of what the last sample measured.
 
     """
 
     PATIENCE = 10  # intervals (1 s at least) without a shared stamp: then nobody waits for one
 
-    def __init__(self, config: PredictorConfig) -> None:
+    def __init__(self, config: PredictorConfig,
+                 profile: Mapping[str, Array] | None = None) -> None:
         self.config = config
+        self._profile = profile
         self._attitude_var, self._heave_var = config.noise()
         roll, pitch, yaw = map(radians, config.sensor_rpy_deg)
         self._mount = (roll, pitch, yaw)
@@ -262,13 +305,13 @@ class TouchdownPredictor:
 
     def _start(self) -> None:
         self._motion: MotionPredictor = (
-            AdaptivePredictor() if self.config.method == 'adaptive'
+            AdaptivePredictor(self._profile) if self.config.method == 'adaptive'
             else InterleavedPredictor() if self.config.method == 'interleaved'
             else ShapingPredictor(self.config.shaping_preset == 'tuned'))
         self._schedule = OutputSchedule(self.config.output_rate)
         self._streams: dict[type, _Stream] = {}
         self._heading = HeadingSpread()
-        self._axis_newest: dict[int, int] = {}
+        self._axis_newest = [-inf, -inf, -inf]
         self._origin = 0
         self.newest: int | None = None
         self._waits = False  # the output for the newest stamp is due, but another stream may come
@@ -285,26 +328,31 @@ class TouchdownPredictor:
 
         """
         measured, yaw = self._measured(sample)
-        stream = self._streams.setdefault(type(sample), _Stream())
+        stream = self._streams.get(type(sample))
+        if stream is None:
+            stream = self._streams[type(sample)] = _Stream()
         if stream.admit(sample.stamp, self.newest):
             self._start()
             self.restarts += 1
             self._streams[type(sample)] = stream
-        if any(self._axis_newest.get(axis, sample.stamp) > sample.stamp
-               for axis, _, _ in measured):
-            raise Rejected('older stamp')  # ship/odometry and its rivals measure the same axes
+        for axis, _, _ in measured:  # ship/odometry and its rivals measure the same axes
+            if self._axis_newest[axis] > sample.stamp:
+                raise Rejected('older stamp')
         if self.newest is None:
             self.newest = self._origin = sample.stamp
         made = []
         if self._waits and sample.stamp > self.newest:
             made.append(self._predict())
         self.newest = max(self.newest, sample.stamp)
+        self.measured = measured
         time = seconds(sample.stamp - self._origin)
         for axis, value, var in measured:
             self._motion.measure(axis, time, value, var)
             self._axis_newest[axis] = sample.stamp
         if yaw is not None:
             self._heading.measure(time, yaw)
+            if isinstance(self._motion, AdaptivePredictor):
+                self._motion.head(time, yaw)
         if sample.stamp == self.newest and self._is_ready(sample, stream):
             made.append(self._predict())
         return made
@@ -345,6 +393,10 @@ class TouchdownPredictor:
             return stamp == self._origin
         patience = max(NANOSECONDS, self.PATIENCE * max(stream.interval, other.interval))
         return stamp - self._shared <= patience and other.may_come(stamp)
+
+    def profile(self) -> dict[str, Array]:
+        """Return what was learned of the ship, to be saved; empty before anything was."""
+        return self._motion.profile() if isinstance(self._motion, AdaptivePredictor) else {}
 
     def _predict(self) -> TouchdownPrediction:
         assert self.newest is not None

@@ -122,11 +122,15 @@ class ForgettingVar:
     def learned(self, mean: Array) -> Array:
         """Return second moments about a mean, and in the last row their number of samples."""
         mu = np.tile(mean, self.order + 1)
-        cross = np.outer(self.sums, mu)
-        cov = self.moments - cross - cross.T + self.weight * np.outer(mu, mu)
-        return np.asarray(self.prior + np.vstack([cov, np.full(len(mu), self.weight)]))
+        half = np.outer(self.sums - self.weight / 2 * mu, mu)
+        learned = self.prior.copy()
+        learned[:-1] += self.moments
+        learned[:-1] -= half
+        learned[:-1] -= half.T
+        learned[-1] += self.weight
+        return learned
 
-    def solve(self, mean: Array, noise_sd: Array) -> VarModel:
+    def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None) -> VarModel:
         """
         Fit the model about a mean.
 
@@ -137,6 +141,8 @@ class ForgettingVar:
         ----------
         mean, noise_sd : ndarray, shape (m,)
             Of the axes; an axis that moves less than its noise counts as still.
+        expected : ndarray, optional
+            What else is believed to be learned, as :meth:`learned` returns it.
 
         Raises
         ------
@@ -146,17 +152,18 @@ class ForgettingVar:
         """
         m, k = self.axes, self.order
         learned = self.learned(mean)
+        if expected is not None:
+            learned += expected
         cov, weight = learned[:-1], learned[-1, 0]
         sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
-        scale = np.tile(sd, k + 1)
-        cov = cov / np.outer(scale, scale)
-        normal, right = cov[m:, m:] + np.diag(self._ridge), cov[m:, :m]
+        ridge = self._ridge * np.tile(np.square(sd), k)
+        normal, right = cov[m:, m:] + np.diag(ridge), cov[m:, :m]
         if self._cross:
             found = np.stack([_solved(self._penalised(normal, axis, weight), right[:, axis])
                               for axis in range(m)])
         else:
             found = _solved(normal, right).T
-        return VarModel(found * sd[:, None] / scale[m:], mean)
+        return VarModel(found, mean)
 
     def _penalised(self, normal: Array, axis: int, weight: float) -> Array:
         """Penalise the variance that the other axes contribute to the forecast of one."""

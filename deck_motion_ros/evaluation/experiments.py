@@ -10,7 +10,10 @@ import numpy as np
 
 from deck_motion_ros.estimators.kalman import filtered_runs, gain_sequence, riccati_bound
 from deck_motion_ros.estimators.shaping import LI2014
+from deck_motion_ros.evaluation.alignment import bai2016
+from deck_motion_ros.evaluation.altitude import li_skimming
 from deck_motion_ros.evaluation.interleaved import zhang2021
+from deck_motion_ros.evaluation.landing import pan2020
 from deck_motion_ros.evaluation.rows import Row
 from deck_motion_ros.geometry import turned_arm
 from deck_motion_ros.processes import ShapingFilter
@@ -107,4 +110,6 @@ def li2014(runs: int | None = None) -> list[Row]:
             Row('Li2014', 'touchdown_sd', float(np.std(came)), 'm')]
 
 
-PAPERS: dict[str, Callable[[int | None], list[Row]]] = {'Li2014': li2014, 'Zhang2021': zhang2021}
+PAPERS: dict[str, Callable[[int | None], list[Row]]] = {
+    'Li2014': li2014, 'Zhang2021': zhang2021, 'Bai2016': bai2016, 'Pan2020': pan2020,
+    'LiSkimming': li_skimming}

@@ -194,6 +194,16 @@ class Comparison:
         """Root mean square error of "it is at rest": what came, about 0."""
         return rms(self.came)
 
+    @property
+    def motion(self) -> float:
+        """Standard deviation of what came: the error of the best constant."""
+        return float(np.std(self.came)) if len(self) else np.nan
+
+    @property
+    def share(self) -> float:
+        """Error as a share of the motion; NaN where nothing moved."""
+        return self.rmse / self.motion if self.motion > 0 else np.nan
+
     @cached_property
     def normalised(self) -> Array:
         """Errors over their stated sd, where one is stated; standard normal if it is honest."""

@@ -1,33 +1,28 @@
-"""What a bag holds, as the series and forecasts that the metrics compare."""
+"""Ship motion and its forecasts in a bag, as the series that the metrics compare."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-import struct
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 
 from deck_motion_ros import messages
+from deck_motion_ros.evaluation.contents import Contents, Handler, read_contents
 from deck_motion_ros.evaluation.metrics import (
     compared,
     Comparison,
-    Regularity,
-    regularity,
     Series,
     Stamps,
     touchdown_height,
 )
 from deck_motion_ros.geometry import attitude_of_mounted, rpy_from_quaternion
-from deck_motion_ros.names import absolute, remappings
-from deck_motion_ros.recording import BagReader, BagTypes
 from deck_motion_ros.samples import (
     Array,
     AXES,
+    LandingWindow,
     NANOSECONDS,
     nanoseconds,
     Quaternion,
@@ -35,14 +30,10 @@ from deck_motion_ros.samples import (
     seconds,
     Vector3,
 )
-from deck_motion_ros.topics import BY_NAME
 
-MOST_FORECASTS = 4000  # read from one bag: enough for every figure
-INPUTS = ('ship/imu', 'ship/heave', 'ship/odometry')
 JOINTS = ('height', 'roll', 'pitch')
 
 Axes = tuple[Series | None, Series | None, Series | None]
-Status = tuple[int, str, dict[str, str]]  # level, message, values
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,54 +68,37 @@ class Trajectories:
 @dataclass(eq=False)
 class Record:
     """
-    A bag, read.
+    Ship motion and its forecasts, as a bag holds them.
 
     Attributes
     ----------
-    name : str
-        Of the bag.
-    topics : dict of str to (str, Regularity)
-        Type and stamps of every topic.
+    contents : Contents
+        The bag.
     measured, truth : tuple of 3 (Series or None)
         Roll, pitch (rad, REP-103), heave (m, up), as measured and as they were.
     height : Trajectories or None
         ``touchdown/height``, one horizon.
     forecast : dict of str to Trajectories
         ``height``, ``roll`` and ``pitch`` of ``touchdown/forecast``.
-    every : int
-        Every so many-th forecast was read.
     lever_arm : tuple of 3 float or None
         The touchdown point in ship axes (m), as given or as the predictor states it.
-    settings : dict of str to str
-        What the predictor says of its settings on ``/diagnostics``.
-    states : dict of str to (int, str, dict)
-        Last level, message and values of every other status, by its name.
-    warned : Counter
-        Statuses above level 0, by name.
-    unusable : Counter
-        Messages that could not be used here, by (topic, reason).
+    windows : sequence of LandingWindow
+        ``touchdown/window``, by stamp.
 
     """
 
-    name: str
-    topics: dict[str, tuple[str, Regularity]] = field(default_factory=dict)
+    contents: Contents
     measured: Axes = (None, None, None)
     truth: Axes = (None, None, None)
     height: Trajectories | None = None
     forecast: dict[str, Trajectories] = field(default_factory=dict)
-    every: int = 1
     lever_arm: Vector3 | None = None
-    settings: dict[str, str] = field(default_factory=dict)
-    states: dict[str, Status] = field(default_factory=dict)
-    warned: Counter[str] = field(default_factory=Counter)
-    unusable: Counter[tuple[str, str]] = field(default_factory=Counter)
+    windows: Sequence[LandingWindow] = ()
 
     @property
     def span(self) -> tuple[int, int]:
-        """First and last stamp of the ship's motion, of all topics where there is none (ns)."""
-        ends = [(int(axis.stamps[0]), int(axis.stamps[-1])) for axis in self.motion.values()] or [
-            (found.first, found.last) for _, found in self.topics.values() if found.count]
-        return min(first for first, _ in ends), max(last for _, last in ends)
+        """First and last stamp of what sensors measured (ns)."""
+        return self.contents.span
 
     @property
     def motion(self) -> dict[str, Series]:
@@ -151,97 +125,31 @@ class Record:
 def read_record(bag: str | Path, lever_arm: Vector3 | None = None,
                 namespace: str | None = None, remap: Sequence[str] = ()) -> Record:
     """
-    Read a bag for judging.
+    Read ship motion and forecasts alone.
 
     Parameters
     ----------
-    bag : str or Path
-        The bag.
+    bag, namespace, remap
+        See :func:`read_contents`.
     lever_arm : tuple of 3 float, optional
         The touchdown point in ship axes (m); otherwise the settings on ``/diagnostics`` say it.
-    namespace : str, optional
-        Of the ship's topics; needed only where a bag holds several.
-    remap : sequence of str
-        Rules ``old:=new`` for topics that go by other names.
-
-    Raises
-    ------
-    BagError
-        If the bag cannot be read.
-    ValueError
-        If the bag holds several namespaces and none is chosen, or a rule is wrong.
 
     """
-    reader = BagReader(bag)
-    if namespace is None:
-        namespace = _namespace(list(reader.topics))
-    rules = remappings(remap, namespace)
-
-    def resolved(ours: str) -> str:
-        full = absolute(ours, namespace)
-        return rules.get(full, full)
-
-    collector = _Collector(resolved, reader.counts)
-    record = Record(reader.path.resolve().name, every=collector.every)
-    headed = {name for name, kind in reader.topics.items() if _has_header(kind)}
-    stamps: dict[str, list[int]] = {name: [] for name in reader.topics}
-    for topic, log_time, data in reader.messages():
-        stamp = _first_stamp(data) if topic in headed and len(data) >= 12 else log_time
-        stamps[topic].append(stamp)
-        kind, use = collector.handlers.get(topic, ('', None))
-        if use and kind != reader.topics[topic]:
-            record.unusable[topic, f'not of type {kind}'] += 1
-        elif use and not (topic in collector.thinned and crc32(data[4:12]) % collector.every):
-            try:
-                use(stamp, reader.decode(topic, data))
-            except Rejected as rejection:
-                record.unusable[topic, rejection.reason] += 1
-    record.topics = {name: (kind, regularity(stamps[name]))
-                     for name, kind in sorted(reader.topics.items())}
-    collector.fill(record, lever_arm)
-    return record
+    reader = ShipReader()
+    return reader.record(read_contents(bag, (reader,), namespace, remap), lever_arm)
 
 
-def _namespace(names: list[str]) -> str:
-    """Find the namespace of the ship's topics."""
-    for chosen in (('touchdown/height', 'touchdown/forecast'), (*INPUTS, 'ship/truth')):
-        found = sorted({name.removesuffix(ours) for name in names for ours in chosen
-                        if name.endswith(f'/{ours}')})
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise ValueError(f"the bag holds the namespaces {', '.join(found)}: choose one")
-    return '/'
+class ShipReader:
+    """Takes ship motion and forecasts from a bag; see :class:`Reader`."""
 
+    thinned = ('touchdown/forecast', 'touchdown/forecast_sd')
 
-def _has_header(kind: str) -> bool:
-    try:
-        return 'header' in BagTypes()[kind].__dataclass_fields__
-    except KeyError:
-        return False
-
-
-def _first_stamp(data: bytes) -> int:
-    """Read the header's stamp (ns) without decoding the message."""
-    sec, nanosec = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
-    return int(sec * NANOSECONDS + nanosec)
-
-
-class _Collector:
-    """The messages of a bag on their way into series."""
-
-    def __init__(self, resolved: Callable[[str], str], counts: Mapping[str, int]) -> None:
-        self.thinned = {resolved('touchdown/forecast'), resolved('touchdown/forecast_sd')}
-        self.every = 1 + max(counts.get(name, 0) for name in self.thinned) // MOST_FORECASTS
-        self.handlers: dict[str, tuple[str, Callable[[int, Any], None]]] = {
-            resolved(name): (BY_NAME[name].type, use) for name, use in (
-                ('ship/imu', self._imu), ('ship/heave', self._heave),
-                ('ship/odometry', self._odometry), ('ship/truth', self._truth),
-                ('touchdown/height', self._height),
-                ('touchdown/prediction', self._prediction),
-                ('touchdown/forecast', self._forecast),
-                ('touchdown/forecast_sd', self._forecast_sd),
-                ('/diagnostics', self._diagnostics))}
+    def __init__(self) -> None:
+        self.handlers: Mapping[str, Handler] = {
+            'ship/imu': self._imu, 'ship/heave': self._heave, 'ship/odometry': self._odometry,
+            'ship/truth': self._truth, 'touchdown/height': self._height,
+            'touchdown/prediction': self._prediction, 'touchdown/forecast': self._forecast,
+            'touchdown/forecast_sd': self._forecast_sd, 'touchdown/window': self._window}
         self._attitudes: list[tuple[int, Quaternion]] = []
         self._heaves: list[tuple[int, float]] = []
         self._odometries: list[tuple[int, Quaternion | None, float]] = []
@@ -252,9 +160,8 @@ class _Collector:
         self._means: dict[int, Array] = {}
         self._mean_sds: dict[int, Array] = {}
         self._horizons = np.empty(0)
+        self._windows: dict[int, LandingWindow] = {}
         self._newest = 0
-        self._states: dict[str, Status] = {}
-        self._warned: Counter[str] = Counter()
 
     def _imu(self, stamp: int, msg: Any) -> None:
         self._newest = max(stamp, self._newest)
@@ -299,30 +206,23 @@ class _Collector:
         columns = [msg.joint_names.index(name) for name in JOINTS]
         self._mean_sds[stamp] = np.array([point.positions[columns] for point in msg.points])
 
-    def _diagnostics(self, stamp: int, msg: Any) -> None:
-        for status in msg.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self._states[status.name] = (int(status.level), status.message, values)
-            self._warned[status.name] += status.level > 0
+    def _window(self, stamp: int, msg: Any) -> None:
+        self._windows[stamp] = messages.window_sample(msg)
 
-    def fill(self, record: Record, lever_arm: Vector3 | None) -> None:
-        """Put everything that was collected into a record."""
-        record.states, record.warned = self._states, self._warned
-        stated = [name for name, (_, _, values) in self._states.items() if 'lever_arm' in values]
-        for name in stated:
-            record.settings = record.states.pop(name)[2]
-        record.lever_arm = lever_arm or _vector(record.settings.get('lever_arm', ''))
-        mount = np.radians(_vector(record.settings.get('sensor_rpy_deg', '')) or (0.0, 0.0, 0.0))
+    def record(self, contents: Contents, lever_arm: Vector3 | None = None) -> Record:
+        """Make a record of everything that was taken."""
+        settings = contents.settings.get('predictor', {})
+        lever_arm = lever_arm or _vector(settings.get('lever_arm', ''))
+        mount = np.radians(_vector(settings.get('sensor_rpy_deg', '')) or (0.0, 0.0, 0.0))
         roll, pitch = _angles([(stamp, attitude_of_mounted(attitude, tuple(mount)))
                                for stamp, attitude in self._attitudes])
-        record.measured = (roll, pitch, _series(self._heaves))
-        if not any(record.measured):
-            record.measured = _axes(self._odometries)
-        record.truth = _axes(self._truths)
-        if self._heights:
-            record.height = self._height_forecasts(record.settings.get('horizon', ''))
-        if self._means and record.lever_arm:
-            record.forecast = self._joint_forecasts(record.lever_arm[2])
+        measured = (roll, pitch, _series(self._heaves))
+        return Record(
+            contents, measured if any(measured) else _axes(self._odometries),
+            _axes(self._truths),
+            self._height_forecasts(settings.get('horizon', '')) if self._heights else None,
+            self._joint_forecasts(lever_arm[2]) if self._means and lever_arm else {}, lever_arm,
+            [self._windows[stamp] for stamp in sorted(self._windows)])
 
     def _height_forecasts(self, stated: str) -> Trajectories:
         try:

@@ -13,12 +13,11 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from deck_motion_ros.config import parameter
-from deck_motion_ros.estimators.scoring import RunningScore, Score
 from deck_motion_ros.geometry import height_above_rest, rpy_from_quaternion
-from deck_motion_ros.messages import odometry_sample, stamp_of
+from deck_motion_ros.messages import odometry_sample
 from deck_motion_ros.nodes.parameters import configuration
 from deck_motion_ros.nodes.shell import sensor_qos
-from deck_motion_ros.samples import seconds, Vector3
+from deck_motion_ros.samples import Vector3
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +39,19 @@ class MonitorNode(Node):
         True roll, pitch (rad), heave (m) now; NaN before the first message.
     height, predicted, predicted_sd : float
         Of the touchdown point: now, ahead (m).
-    now : float
-        Stamp of the newest truth (s).
+    score : str
+        What the predictor says of its forecasts.
+    rejected : int
+        Messages that the predictor could not use.
 
     """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__('monitor', **kwargs)
         self._config = configuration(self, MonitorConfig)
-        self._running = RunningScore()
         self.motion: Vector3 = (nan, nan, nan)
-        self.height = self.predicted = self.predicted_sd = self.now = nan
+        self.height = self.predicted = self.predicted_sd = nan
+        self.score = '-'
         self.rejected = 0
         for kind, topic, act in ((Odometry, 'ship/truth', self._on_truth),
                                  (PointStamped, 'touchdown/height', self._on_height),
@@ -65,28 +66,20 @@ class MonitorNode(Node):
         roll, pitch, _ = rpy_from_quaternion(sample.orientation)
         self.motion = (roll, pitch, sample.position[2])
         self.height = height_above_rest(*self.motion, self._config.lever_arm)
-        self.now = seconds(sample.stamp)
-        self._running.came(self.now, self.height)
 
     def _on_height(self, msg: Any) -> None:
         self.predicted = msg.point.z
 
     def _on_sd(self, msg: Any) -> None:
-        """Take the sd of the horizon and, with the height that came just before, a forecast."""
         times = [point.time_from_start.sec + point.time_from_start.nanosec * 1e-9
                  for point in msg.points]
         nearest = min(range(len(times)), key=lambda k: abs(times[k] - self._config.horizon))
         self.predicted_sd = msg.points[nearest].positions[0]
-        issued = seconds(stamp_of(msg))
-        self._running.forecast(issued, issued + self._config.horizon, self.predicted,
-                               self.predicted_sd)
 
     def _on_diagnostics(self, msg: Any) -> None:
         for status in msg.status:
             if status.name == 'predictor: input':
                 self.rejected = sum(int(pair.value) for pair in status.values
                                     if pair.key.startswith('rejected '))
-
-    def score(self) -> Score:
-        """Score the forecasts of the last minute."""
-        return self._running.score()
+            elif status.name == 'predictor: score':
+                self.score = status.message

@@ -51,6 +51,11 @@ class PipelineNode(Node):
         for out_topic, out_msg in self.pipeline.take(topic, msg):
             self._publishers_by_topic[out_topic].publish(out_msg)
 
+    def destroy_node(self) -> None:
+        """Close the pipeline, then the node."""
+        self.pipeline.close()
+        super().destroy_node()
+
     def _report(self) -> list[Status]:
         accepted, statuses = self.pipeline.accepted, self.pipeline.diagnostics()
         for topic, count in accepted.items():

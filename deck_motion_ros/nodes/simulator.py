@@ -1,4 +1,4 @@
-"""The simulator node: a ship's sensors and her true motion, by the clock or as fast as it goes."""
+"""The simulator node: sensors and true motion, by the clock or as fast as it goes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from deck_motion_ros.nodes.parameters import configuration
 from deck_motion_ros.nodes.shell import output_qos, overridable, RclTypes, run, Stop
 from deck_motion_ros.pipelines import OK, settings, Status, WARN
 from deck_motion_ros.samples import NANOSECONDS
-from deck_motion_ros.simulation.simulator import Event, ShipSimulator, SimulatorConfig
-from deck_motion_ros.topics import outputs
+from deck_motion_ros.simulation.runs import scenario
+from deck_motion_ros.simulation.simulator import Event, SimulatorConfig
+from deck_motion_ros.topics import BY_NAME
 
 BURST = 60  # messages at most in one callback when catching up
 SETTLED = NANOSECONDS // 2  # no new subscriber for this long: all that were coming are there
@@ -29,7 +30,7 @@ FAST_START = NANOSECONDS  # first stamp as fast as possible: every run alike, an
 
 class SimulatorNode(Node):
     """
-    Publish what :class:`deck_motion_ros.simulation.simulator.ShipSimulator` gives.
+    Publish what a scenario of :mod:`deck_motion_ros.simulation.runs` gives.
 
     In real time a sample is published when the node's clock reaches it: at start + k / rate, so
     that nothing drifts; after a hold-up it catches up in bounded bursts. Otherwise ``/clock`` goes
@@ -39,15 +40,15 @@ class SimulatorNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__('simulator', **kwargs)
-        self._config = config = configuration(self, SimulatorConfig)
+        chosen = self._parameter_overrides.get('scenario')
+        self._scenario = scenario(chosen.value if chosen else SimulatorConfig().scenario)
+        self._config = config = configuration(self, self._scenario.config)
         self._types = RclTypes()
-        self._builders = {'ship/imu': messages.imu_message, 'ship/heave': messages.heave_message,
-                          'ship/truth': messages.odometry_message}
         self._outputs = {
-            topic.name: self.create_publisher(
-                self._types[topic.type], topic.name, output_qos(),
+            name: self.create_publisher(
+                self._types[BY_NAME[name].type], name, output_qos(),
                 qos_overriding_options=overridable())
-            for topic in outputs('simulator')}
+            for name in self._scenario.topics}
         self._ahead = None if config.realtime else self.create_publisher(
             ClockMessage, '/clock', output_qos())
         self._events: Iterator[Event] | None = None
@@ -65,12 +66,11 @@ class SimulatorNode(Node):
         readers = [output.get_subscription_count() for output in self._outputs.values()]
         if readers != self._readers:
             self._readers, self._changed = readers, steady
-        imu = self._outputs['ship/imu'].get_subscription_count()
         settled = not config.subscribers or steady - self._changed >= SETTLED
-        if now == 0 or imu < config.subscribers or not settled:
+        if now == 0 or readers[0] < config.subscribers or not settled:
             return
         self.destroy_timer(self._alarm)
-        self._events = iter(ShipSimulator(config, now))
+        self._events = iter(self._scenario.source(config, now))
         self._next = next(self._events, None)
         self._alarm = self.create_timer(
             0.0, self._follow_clock) if config.realtime else self.create_timer(
@@ -97,12 +97,12 @@ class SimulatorNode(Node):
             self._alarm.cancel()
             for publisher in self._outputs.values():
                 publisher.wait_for_all_acked(Duration(seconds=1))
-            raise Stop(f"{self._counts['ship/truth']} samples published")
+            raise Stop(f'{max(self._counts.values(), default=0)} samples published')
         return self._next
 
     def _publish(self) -> None:
         _, topic, sample = self._next
-        self._outputs[topic].publish(self._builders[topic](self._types, sample))
+        self._outputs[topic].publish(messages.message(self._types, sample))
         self._counts[topic] += 1
         self._next = next(self._events, None)
 

@@ -21,7 +21,15 @@ from deck_motion_ros.geometry import (
     wrapped,
     yaw_from_heading,
 )
-from deck_motion_ros.samples import HeaveSample, ImuSample, nanoseconds, OdometrySample
+from deck_motion_ros.samples import (
+    HeaveSample,
+    ImuSample,
+    nanoseconds,
+    OdometrySample,
+    RangeSample,
+    VectorSample,
+    VelocitySample,
+)
 from deck_motion_ros.simulation.sea import (
     Bretschneider,
     joined,
@@ -43,6 +51,7 @@ from deck_motion_ros.simulation.ship import (
 )
 from deck_motion_ros.simulation.states import mean_inertial, SeaStates
 
+Sample = ImuSample | HeaveSample | OdometrySample | RangeSample | VelocitySample | VectorSample
 STEP = 0.02  # s: longest piece of the interval over which rates and forces are averaged
 
 
@@ -52,7 +61,7 @@ class SimulatorConfig:
 
     scenario: str = parameter(
         'sea', 'sea: a hull in a random sea; shaping: the shaping filters of Li2014, each axis '
-        'alone', choices=('sea', 'shaping'))
+        'alone', choices=('sea', 'shaping', 'catapult', 'landing', 'altitude'))
     seed: int = parameter(1, 'same seed, same sea and same noise', low=0, high=2**31 - 1)
     rate: float = parameter(50.0, 'samples per second', 'Hz', 1.0, 200.0)
     duration: float = parameter(0.0, 'end after this long; 0 = never', 's', 0.0, 1e7)
@@ -62,7 +71,8 @@ class SimulatorConfig:
         1000.0, 'where not in real time, samples per second at most: what every reader keeps up '
         'with', 'Hz', 1.0, 1e5)
     subscribers: int = parameter(
-        0, 'begin once this many subscribe to ship/imu, so that none misses the start', '', 0, 99)
+        0, 'begin once this many subscribe to the first topic (ship/imu in a sea), so that none '
+        'misses the start', '', 0, 99)
 
     hull: str = parameter('destroyer', 'ship', choices=tuple(HULLS))
     course_deg: float = parameter(
@@ -137,7 +147,7 @@ class Event(NamedTuple):
 
     time: int
     topic: str
-    sample: ImuSample | HeaveSample | OdometrySample
+    sample: Sample
 
 
 class ShipSimulator:
@@ -167,8 +177,8 @@ class ShipSimulator:
                 _yaw(config), first, np.random.default_rng([config.seed, 0])))
         self._newest = self._states.at(np.array([first]))[0]
         self._pieces = ceil(self._period / STEP - 1e-9)
-        self._axes = [AxisSensor(errors, self._rng) for errors in _axis_errors(config)]
-        roll, pitch, heading = _axis_errors(config)[:3]
+        self._axes = [AxisSensor(errors, self._rng) for errors in axis_errors(config)]
+        roll, pitch, heading = axis_errors(config)[:3]
         self._attitude_var = (roll.var, pitch.var, heading.var)
         self._deliveries = [
             Delivery(*values) for values in zip(config.latency, config.jitter, config.delay,
@@ -258,7 +268,7 @@ def _course(config: SimulatorConfig) -> Course:
     return Course(_yaw(config), config.speed, tuple(changes))
 
 
-def _axis_errors(config: SimulatorConfig) -> list[AxisErrors]:
+def axis_errors(config: SimulatorConfig) -> list[AxisErrors]:
     """List the errors of roll, pitch, heading, heave, three turn rates, three forces."""
     roll, pitch, heave = (AxisErrors(*values) for values in zip(
         config.white_sd, config.drift_sd, config.drift_time, config.bias, config.resolution,

@@ -1,5 +1,6 @@
 """The benches measure what they say: peers that agree, figures that are whole. Never how fast."""
 
+from dataclasses import asdict
 from io import StringIO
 import json
 import os
@@ -51,6 +52,31 @@ def test_a_bench_that_fails_is_reported_and_the_others_run(monkeypatch):
     assert 'replay speed' in screen.getvalue()
 
 
+def test_what_a_bench_gives_arrives_as_it_comes(monkeypatch, tmp_path):
+    given = [0.25, 'a remark', Figure('b', 'head', 1.0, 'm'), 1.0,
+             Figure('b', 'detail', 2.0, 'm', headline=False)]
+    lines = [json.dumps(asdict(item) if isinstance(item, Figure) else item) for item in given]
+    child = tmp_path / 'child'
+    child.write_text('#!/bin/sh\n' + ''.join(f"echo '{line}'\n" for line in lines))
+    child.chmod(0o755)
+    monkeypatch.setattr(sys, 'executable', str(child))
+    assert list(bench.in_own_process('given')) == given
+    monkeypatch.setitem(bench.BENCHES, 'given', None)
+    path, screen = tmp_path / 'bench.json', StringIO()
+    assert bench.run(['given'], path, Console(file=screen, width=160)) == 0
+    assert [row['name'] for row in json.loads(path.read_text())] == ['head', 'detail']
+    text = screen.getvalue()
+    assert 'a remark' in text and 'b head' in text and 'b detail' not in text
+    assert '1 more figures: --json' in text
+
+
+def test_long_benches_run_only_by_name(monkeypatch):
+    ran = []
+    monkeypatch.setattr(bench, 'in_own_process', lambda name: ran.append(name) or [])
+    bench.run([], None, Console(file=StringIO()))
+    assert set(ran) == set(bench.BENCHES) - {'prediction', 'window'}
+
+
 def test_rounds_are_compared_in_pairs():
     figure = figures.compared('b', 'n', 'u', [2.0, 8.0, 9.0], 'peer', [1.0, 2.0, 9.0], '>= 2')
     assert (figure.value, figure.reference_value, figure.ratio) == (8.0, 2.0, 2.0)
@@ -59,7 +85,7 @@ def test_rounds_are_compared_in_pairs():
 
 @pytest.mark.parametrize('value, goal, met', [
     (2.0, '>= 2', True), (1.9, '>= 2', False), (2.0, '<= 2', True), (2.1, '<= 2', False),
-    (2.0, '', None)])
+    (95.0, '93 to 97', True), (92.9, '93 to 97', False), (2.0, '', None)])
 def test_a_goal_without_reference_judges_the_value(value, goal, met):
     assert Figure('b', 'n', value, 'u', goal=goal).met is met
 

@@ -37,7 +37,7 @@ def test_import_replay_report(tmp_path, capfd):
     assert status == 0 and '400' in out
     status, out, _ = run(capfd, 'replay', tmp_path / 'bag', tmp_path / 'out', '--node',
                          'predictor', '--params-file', params, '-p', 'output_rate:=2.0')
-    assert status == 0 and '800 messages in, 800 out' in out
+    assert status == 0 and '800 messages in, 1000 out' in out
     status, out, _ = run(capfd, 'report', tmp_path / 'out', '-o', tmp_path / 'page.html')
     assert status == 0 and 'forecast with an error of' in out and 'stays as it is' in out
     assert '-35.0, 0.0, 0.0' in (tmp_path / 'page.html').read_text().replace('\u2212', '-')

@@ -9,7 +9,7 @@ from deck_motion_ros.estimators.joint import readout
 from deck_motion_ros.estimators.resampling import Grid, Resampler
 from deck_motion_ros.estimators.shaping import ShapingPredictor
 from deck_motion_ros.estimators.var import ForgettingVar, VarModel
-from deck_motion_ros.samples import HEAVE, PITCH, ROLL
+from deck_motion_ros.samples import AXES, HEAVE, PITCH, ROLL
 
 VARS = (1e-6, 1e-6, 1e-4)
 
@@ -69,13 +69,12 @@ def test_iterating_equals_stepping_by_hand():
 @pytest.mark.parametrize('grid', [Grid.of_period(0.1), Grid.of_period(0.01), Grid.of_period(1.0)])
 def test_readout_undoes_the_slots(grid):
     omega, times = 0.9, np.arange(9) * 0.5
-    value, rate = readout(grid, times, 5, 12)
+    value = readout(grid, times, 5, 12)
     middles = np.arange(-4, 13) * grid.step - grid.age
     gain = (np.sinc(omega * grid.step / 2 / np.pi) * np.sinc(omega * grid.tick / 2 / np.pi)**2
             if grid.ticks > 1 else 1.0)
     slots = gain * np.cos(omega * middles)
     np.testing.assert_allclose(value @ slots, np.cos(omega * times), atol=0.01)
-    np.testing.assert_allclose(rate @ slots, -omega * np.sin(omega * times), atol=0.03)
 
 
 def test_weights_are_those_of_independent_errors():
@@ -138,6 +137,10 @@ class Ship:
 
     def at(self, times):
         wave = np.exp(1j * np.outer(times, self.omega))
+        return np.real(wave @ self.response.T)
+
+    def rate_at(self, times):
+        wave = 1j * self.omega * np.exp(1j * np.outer(times, self.omega))
         return np.real(wave @ self.response.T)
 
 
@@ -204,6 +207,25 @@ def test_the_rate_is_the_derivative(four_hertz):
     np.testing.assert_allclose(outlook.mean(now + 2.0), ahead.mean[1], rtol=1e-12)
 
 
+def test_the_rate_is_as_sure_as_it_says_and_no_worse_than_the_slope_of_the_value():
+    ship, times = Ship(7), np.arange(0, 540, 0.25)
+    predictor, values = AdaptivePredictor(), measured(ship, times)
+    horizons, rates, slopes, sds = np.array([1.0, 3.0, 8.0]), [], [], []
+    for k, (time, row) in enumerate(zip(times.tolist(), values)):
+        feed(predictor, np.array([time]), row[None])
+        if time >= 180 and k % 3 == 0:
+            outlook, came = predictor.outlook(), ship.rate_at(time + horizons)
+            ahead = outlook.forecast(time, horizons)
+            early, late = (outlook.forecast(time, horizons + shift) for shift in (-0.1, 0.1))
+            rates.append(ahead.rate - came)
+            slopes.append((late.mean - early.mean) / 0.2 - came)
+            sds.append(np.sqrt(np.einsum('nii->ni', ahead.rate_cov)))
+    rates, slopes, sds = map(np.array, (rates, slopes, sds))
+    inside = np.mean(np.abs(rates) < 1.96 * sds, axis=(0, 2))
+    assert np.all((inside > 0.88) & (inside < 0.99))
+    assert np.all(rates.std(axis=0) < 1.02 * slopes.std(axis=0))
+
+
 def test_an_outlook_is_frozen(four_hertz):
     _, times, values, _ = four_hertz
     predictor = feed(AdaptivePredictor(), times[:500], values[:500])
@@ -222,8 +244,11 @@ def test_order_within_a_stamp_changes_nothing(four_hertz):
     for shuffled in (False, True):
         predictor = AdaptivePredictor()
         for time, row in zip(times[:600].tolist(), values[:600].tolist()):
-            for axis in rng.permutation(3).tolist() if shuffled else range(3):
-                predictor.measure(axis, time, row[axis], VARS[axis])
+            for item in rng.permutation(4).tolist() if shuffled else range(4):
+                if item == len(AXES):
+                    predictor.head(time, 0.3 * np.sin(time / 5))
+                else:
+                    predictor.measure(item, time, row[item], VARS[item])
         made.append(predictor.outlook().forecast(float(times[599]), np.arange(1, 21) * 0.5))
     assert np.array_equal(made[0].mean, made[1].mean)
     assert np.array_equal(made[0].cov, made[1].cov)

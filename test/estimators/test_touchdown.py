@@ -77,16 +77,22 @@ def fed(predictor, times, motion, noise=0.0, seed=1):
     return made
 
 
+def shaping(**values):
+    """Make a configuration of the per-axis filters."""
+    return PredictorConfig(method='shaping', **values)
+
+
 @pytest.fixture(scope='module')
 def voyage():
     """Four minutes at 10 Hz."""
     return moved(10.0, 240.0, 7)
 
 
-@pytest.fixture(scope='module', params=['tuned', 'mru', 'paper'])
+@pytest.fixture(scope='module', params=['tuned', 'mru', 'paper', 'adaptive'])
 def known(request, voyage):
-    """Return the last prediction of each preset."""
-    config = PredictorConfig(shaping_preset=request.param)
+    """Return the last prediction of each preset, and of the adaptive method."""
+    config = (PredictorConfig() if request.param == 'adaptive'
+              else shaping(shaping_preset=request.param))
     return fed(TouchdownPredictor(config), *voyage)[-1]
 
 
@@ -94,7 +100,7 @@ def known(request, voyage):
 @pytest.mark.parametrize('preset', ['tuned', 'mru'])
 def test_the_error_is_as_large_as_promised(voyage, preset, horizon):
     times, motion = voyage
-    config = PredictorConfig(shaping_preset=preset, horizon=horizon, attitude_sd=radians(0.05))
+    config = shaping(shaping_preset=preset, horizon=horizon, attitude_sd=radians(0.05))
     made = fed(TouchdownPredictor(config), times, motion, noise=0.05)
     truth = heights(motion)
     errors, promised = [], []
@@ -111,7 +117,7 @@ def test_the_error_is_as_large_as_promised(voyage, preset, horizon):
 def test_three_seconds_ahead_is_half_the_persistence_error(voyage):
     times, motion = voyage
     truth = heights(motion)
-    made = fed(TouchdownPredictor(PredictorConfig(shaping_preset='mru')), times, motion, 0.05)
+    made = fed(TouchdownPredictor(shaping(shaping_preset='mru')), times, motion, 0.05)
     ahead = np.array([prediction.height for prediction in made])
     error = sqrt(np.mean((ahead[300:-30] - truth[330:])**2))
     persistence = sqrt(np.mean((truth[300:-30] - truth[330:])**2))
@@ -168,7 +174,7 @@ def test_covariances_are_symmetric_and_positive(known):
 
 def test_twist_is_the_change_of_the_pose_in_the_axes_of_the_deck(voyage):
     """Central difference of the forecast over the window that the rate is a mean of."""
-    config = PredictorConfig(shaping_preset='mru', horizon=2.0)
+    config = shaping(shaping_preset='mru', horizon=2.0)
     known = fed(TouchdownPredictor(config), *voyage)[-1]
     pose = known.pose()
     around = known.forecast(np.array([1.75, 2.25]))
@@ -191,7 +197,7 @@ def test_forecast_velocities_are_the_slope_of_its_positions(known):
 
 
 def test_a_ship_at_rest_has_its_touchdown_point_at_the_lever_arm():
-    predictor = TouchdownPredictor(PredictorConfig(shaping_preset='mru'))
+    predictor = TouchdownPredictor(shaping(shaping_preset='mru'))
     made = [p for k in range(50) for s in (imu(0.1 * k), heave(0.1 * k))
             for p in predictor.update(s)]
     pose = made[-1].pose()
@@ -288,7 +294,7 @@ def test_presets_bring_their_own_noise():
 @pytest.mark.parametrize('preset', ['tuned', 'mru'])
 def test_after_a_gap_it_knows_less_and_recovers(voyage, preset):
     times, motion = voyage
-    predictor = TouchdownPredictor(PredictorConfig(shaping_preset=preset))
+    predictor = TouchdownPredictor(shaping(shaping_preset=preset))
     before = fed(predictor, times[:1500], motion[:1500])
     sd_before = before[-1].forecast(np.array([0.5])).height_sd[0]
     first, *after = fed(predictor, times[1800:], motion[1800:])
@@ -306,7 +312,7 @@ def test_after_a_gap_it_knows_less_and_recovers(voyage, preset):
 def test_one_silent_axis_is_forecast_with_growing_uncertainty(voyage):
     """Heave stops, attitude goes on: what is said of heave fades to rest and its full spread."""
     times, motion = voyage
-    predictor = TouchdownPredictor(PredictorConfig(lever_arm=ZERO, shaping_preset='mru'))
+    predictor = TouchdownPredictor(shaping(lever_arm=ZERO, shaping_preset='mru'))
     made = fed(predictor, times[:1500], motion[:1500])
     sds = [made[-1].forecast(np.array([3.0])).height_sd[0]]
     for time, (roll, pitch, _) in zip(times[1500:].tolist(), motion[1500:].tolist(), strict=True):
@@ -321,7 +327,7 @@ def test_one_silent_axis_is_forecast_with_growing_uncertainty(voyage):
 @pytest.mark.parametrize('which', ['imu', 'heave'])
 def test_an_axis_that_never_came_counts_as_rest(voyage, which):
     times, motion = voyage
-    predictor, made = TouchdownPredictor(PredictorConfig(shaping_preset='mru')), []
+    predictor, made = TouchdownPredictor(shaping(shaping_preset='mru')), []
     for time, (roll, pitch, height) in zip(times.tolist(), motion.tolist(), strict=True):
         made += predictor.update(imu(time, roll, pitch) if which == 'imu' else heave(time, height))
     last = made[-1].forecast(np.array([3.0])).motion
@@ -347,7 +353,7 @@ def test_heave_alone_moves_the_point_as_it_moves_the_ship(voyage):
 def test_slow_and_fast_input(rate, preset, worst):
     """Persistence is off by 2.2 m; the tuned filters have seen little so far."""
     times, motion = moved(rate, 150.0 if rate == 1.0 else 30.0, 5)
-    config = PredictorConfig(shaping_preset=preset)
+    config = shaping(shaping_preset=preset)
     made = fed(TouchdownPredictor(config), times, motion, noise=0.02)
     truth = heights(motion)
     error = [p.height - truth[round(p.valid_at / SECOND * rate)] for p in made
@@ -362,7 +368,7 @@ def test_slow_and_fast_input(rate, preset, worst):
     st.sampled_from([0.0, 1e-300, 1e-12, 1.0, 1e12, 1e300]), st.sampled_from('iho')),
     min_size=1, max_size=40), st.sampled_from(['tuned', 'mru']))
 def test_no_input_makes_a_number_that_is_none(steps, preset):
-    predictor, time = TouchdownPredictor(PredictorConfig(shaping_preset=preset)), 0.0
+    predictor, time = TouchdownPredictor(shaping(shaping_preset=preset)), 0.0
     for dt, roll, pitch, height, var, kind in steps:
         time += dt
         sample = {'i': imu(time, roll, pitch, var=(var,) * 3), 'h': heave(time, height),

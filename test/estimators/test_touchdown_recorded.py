@@ -63,10 +63,10 @@ def rms(values):
     return sqrt(np.mean(np.square(values)))
 
 
-@pytest.fixture(scope='module')
-def palmer(data_dir):
+@pytest.fixture(scope='module', params=['adaptive', 'shaping'])
+def palmer(data_dir, request):
     """Predictions on R/V Nathaniel B. Palmer, 1 Hz."""
-    return fed(data_dir / 'ship/nbp_20140801_seapath330.csv')
+    return fed(data_dir / 'ship/nbp_20140801_seapath330.csv', method=request.param)
 
 
 def test_palmer_three_seconds_ahead(palmer):
@@ -96,8 +96,10 @@ def test_two_sensors_of_one_ship_give_much_the_same(palmer, data_dir):
     assert rms(apart) < 0.8
 
 
-def test_two_hertz_uneven(data_dir):
-    errors, sds, _ = scored(*fed(data_dir / 'ship/nbp_20140801_merged_2hz.csv'), 3.0, 120.0)
+@pytest.mark.parametrize('method', ['adaptive', 'shaping'])
+def test_two_hertz_uneven(data_dir, method):
+    record = data_dir / 'ship/nbp_20140801_merged_2hz.csv'
+    errors, sds, _ = scored(*fed(record, method=method), 3.0, 120.0)
     assert rms(errors) < 0.75
     assert 0.88 <= np.mean(np.abs(errors) < 1.96 * sds) <= 0.995
 

@@ -1,15 +1,23 @@
 """The report: its numbers are those of the metrics, and the page needs nothing but itself."""
 
+from dataclasses import replace
 from html.parser import HTMLParser
 from math import sqrt
 import re
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from deck_motion_ros import messages, topics
-from deck_motion_ros.evaluation.record import read_record
-from deck_motion_ros.evaluation.report import assessed, write_report
+from deck_motion_ros.evaluation import report
+from deck_motion_ros.evaluation.assessment import assessed, floor_of
+from deck_motion_ros.evaluation.contents import Contents
+from deck_motion_ros.evaluation.metrics import Series
+from deck_motion_ros.evaluation.record import read_record, Record
+from deck_motion_ros.evaluation.report import write_report
+from deck_motion_ros.evaluation.report.page import note, section
+from deck_motion_ros.evaluation.report.view import Chapter
 from deck_motion_ros.geometry import height_above_rest, quaternion_from_rpy
 from deck_motion_ros.recording import BagError, BagTypes, BagWriter, encode
 from deck_motion_ros.samples import (
@@ -17,8 +25,10 @@ from deck_motion_ros.samples import (
     ImuSample,
     MotionForecast,
     OdometrySample,
+    Rejected,
     TouchdownForecast,
     TouchdownPose,
+    VectorSample,
 )
 
 SECOND = 1_000_000_000
@@ -180,7 +190,7 @@ def simulated(tmp_path_factory):
 def sailed(tmp_path):
     """Return a function that writes a bag and gives its folder and the page it makes."""
     def sail(duration=45.0, report=None, **what):
-        ship = {key: what.pop(key) for key in ('start', 'namespace') if key in what}
+        ship = {key: what.pop(key) for key in ('start', 'namespace', 'rate') if key in what}
         Ship(tmp_path / 'bag', **ship).sail(duration, **what)
         write_report(tmp_path / 'bag', tmp_path / 'page.html', **(report or {}))
         return Page(tmp_path / 'page.html')
@@ -204,6 +214,71 @@ def test_known_errors_come_out_at_every_horizon(simulated):
     assert np.median(np.abs(found.crests)) < 0.15
 
 
+def test_useful_horizon_is_where_the_error_reaches_half_the_motion(simulated):
+    """By construction the error is 5 cm per second ahead; four times as much reaches it."""
+    found = assessed(read_record(simulated))
+    worse = replace(found, horizons=[
+        replace(item, mean=item.came + 4 * item.error) for item in found.horizons])
+    motion = np.std(true_height(np.arange(20.0, 120.0, 0.25)))
+    assert worse.useful == pytest.approx(0.5 * motion / 0.2, rel=0.05)
+    assert found.useful == 10.0
+
+
+def autoregressive(rng, size, decay):
+    return lfilter([sqrt(1 - decay**2)], [1.0, -decay], rng.standard_normal(size))
+
+
+@pytest.mark.parametrize('rate', [1.0, 2.0, 10.0])
+def test_estimated_floor_is_that_of_a_known_process(rate):
+    """A heave x' = decay x + noise: the error after h seconds is sqrt(1 - decay^2h)."""
+    rng, decay = np.random.default_rng(2), 0.8
+    size = round(3000 * rate)
+    stamps = SECOND * 1_700_000_000 + np.round(np.arange(size) / rate * SECOND).astype(np.int64)
+    heave = Series.of(stamps, 3 + autoregressive(rng, size, decay**(1 / rate)))
+    roll = Series.of(stamps, 0.1 * autoregressive(rng, size, 0.1**(1 / rate)))
+    horizons = np.array([0.1, 1.0, 2.0, 5.0])
+    record = Record(Contents('made'), (roll, None, heave), lever_arm=(0.0, 2.0, 0.0))
+    found = floor_of(record, horizons.tolist())
+    expected = np.sqrt(1 - decay**(2 * horizons) + (2 * 0.1)**2 * (1 - 0.1**(2 * horizons)))
+    assert found[1:] == pytest.approx(expected[1:], rel=0.08)
+    assert np.isnan(found[0])
+
+def test_estimated_floor_is_without_the_noise_where_the_truth_is_known():
+    rng, size = np.random.default_rng(5), 4000
+    stamps = SECOND * 1_700_000_000 + np.arange(size) * SECOND // 2
+    true = autoregressive(rng, size, 0.9)
+    noise = 0.5 * rng.standard_normal(size)
+    record = Record(Contents('made'), (None, None, Series.of(stamps, true + noise)),
+                    lever_arm=(0.0, 0.0, 0.0))
+    with_noise, = floor_of(record, [1.0])
+    record.truth = (None, None, Series.of(stamps, true))
+    without, = floor_of(record, [1.0])
+    assert with_noise**2 - without**2 == pytest.approx(0.25, rel=0.05)
+    # Riccati: p the variance before, p r / (p + r) after a measurement
+    before = 1.0
+    for _ in range(100):
+        after = before * 0.25 / (before + 0.25)
+        before = 0.81 * after + 0.19
+    assert without == pytest.approx(sqrt(0.81**2 * after + 0.81 * 0.19 + 0.19), rel=0.05)
+
+
+@pytest.mark.parametrize('values', [np.zeros(900), np.sin(np.arange(100.0))])
+def test_no_floor_is_estimated_of_what_does_not_tell(values):
+    stamps = SECOND * 1_700_000_000 + np.arange(len(values)) * SECOND
+    record = Record(Contents('made'), (None, None, Series.of(stamps, values)),
+                    lever_arm=(0.0, 0.0, 0.0))
+    assert np.isnan(floor_of(record, [1.0, 3.0])).all()
+
+
+def test_floor_and_ratio_are_on_the_page_of_a_record_long_enough(sailed):
+    page = sailed(240.0, rate=1.0)
+    assert '/ floor' in page.cells
+    row = page.cells.index('3 s')
+    rmse, floor, over = (page.cells[row + column] for column in (1, 5, 6))
+    assert rmse == '0.15 m'
+    assert floor.endswith('m') and over != '–'
+
+
 def test_truth_is_the_yardstick_and_measurement_what_persists(simulated):
     times = np.arange(20.0, 117.0, 0.25)
     wrong = true_height(times + 3) - true_height(times)
@@ -221,6 +296,7 @@ def test_page_shows_the_numbers_of_the_metrics(simulated, tmp_path):
     assert page.by_id['rmse'] == f'{found.rmse:.2f} m' == '0.15 m'
     assert page.by_id['persistence'] == f'{found.persistence:.2f} m'
     assert page.by_id['zero'] == f'{found.zero:.2f} m'
+    assert page.by_id['useful'] == '10.0 s or more'
     assert page.by_id['coverage'] == '100.0 %'
     assert '0.15 m' in headline[0]
     assert f'{found.persistence:.2f} m' in headline[1]
@@ -318,7 +394,7 @@ def test_turned_sensor_is_turned_back(tmp_path):
     ship.write('ship/imu', topics.IMU, 0.0, messages.imu_message(TYPES, ImuSample(
         ship.stamp(0), 'mru', attitude, NONE, NONE, NONE)))
     ship.write('/diagnostics', topics.DIAGNOSTICS, 1.0, messages.diagnostics_message(
-        TYPES, ship.stamp(1), '/predictor', [('settings', 0, '', {
+        TYPES, ship.stamp(1), '/predictor', [('predictor: settings', 0, '', {
             'lever_arm': '0, 0, 0', 'sensor_rpy_deg': '0, 0, 90'})]))
     ship.writer.close()
     roll, pitch, _ = read_record(tmp_path / 'bag').measured
@@ -353,12 +429,92 @@ def test_unusable_messages_are_counted(tmp_path):
         TYPES, ship.stamp(0), 'ship_level', 1.0))
     ship.writer.close()
     record = read_record(tmp_path / 'bag')
-    assert record.unusable == {
+    assert record.contents.unusable == {
         ('/ship/heave', 'not finite'): 2, ('/touchdown/forecast', 'forecast without points'): 1,
         ('/ship/imu', f'not of type {topics.IMU}'): 1}
     assert record.motion['heave'].values.tolist() == [1.0, 2.0]
     write_report(tmp_path / 'bag', tmp_path / 'page.html')
     assert 'not usable for this report: not finite' in Page(tmp_path / 'page.html').cells
+
+
+class MisalignmentView:
+    """The least a view can be."""
+
+    subjects = ('alignment/misalignment',)
+    thinned = ()
+
+    def __init__(self, options):
+        self.found = []
+        self.handlers = {'alignment/misalignment': self.take, 'ship/imu': self.refuse}
+
+    def take(self, stamp, msg):
+        self.found.append((stamp, msg.vector.x))
+
+    def refuse(self, stamp, msg):
+        raise Rejected('not for alignment')
+
+    def chapter(self, contents, clock):
+        self.times = [float(clock(stamp)) for stamp, _ in self.found]
+        return Chapter('The misalignment is there.', ['Aligned.'],
+                       [('count', f'{len(self.found)}', 'estimates')],
+                       [section('Misalignment', note(f'{self.times}'))])
+
+
+@pytest.fixture
+def both_views(monkeypatch):
+    monkeypatch.setattr(report, 'VIEWS', (report.PredictorView, MisalignmentView))
+
+
+def align(ship, duration):
+    for time in range(duration):
+        ship.write('alignment/misalignment', topics.VECTOR, time, messages.vector_message(
+            TYPES, VectorSample(ship.stamp(time), 'uav_base_link', (0.1, 0.0, 0.0))))
+
+
+def test_a_bag_of_another_subject_has_that_chapter_alone(both_views, tmp_path):
+    ship = Ship(tmp_path / 'bag', namespace='/cat')
+    align(ship, 3)
+    ship.writer.close()
+    assert write_report(tmp_path / 'bag', tmp_path / 'page.html') == ['Aligned.']
+    page = Page(tmp_path / 'page.html')
+    assert page.headings == ['What was recorded', 'Misalignment', 'Gaps and rejects']
+    assert page.by_id == {'count': '3'}
+    assert '[0.0, 1.0, 2.0]' in page.text
+    assert 'Ship motion' not in page.text
+
+
+def test_a_bag_of_two_subjects_has_both_chapters_in_order(both_views, tmp_path):
+    ship = Ship(tmp_path / 'bag')
+    align(ship, 40)
+    ship.sail(40.0)
+    headline = write_report(tmp_path / 'bag', tmp_path / 'page.html')
+    page = Page(tmp_path / 'page.html')
+    assert page.headings == [*EVERYTHING[:-2], 'Misalignment', *EVERYTHING[-2:]]
+    assert page.by_id['count'] == '40'
+    assert page.by_id['rmse'] == '0.15 m'
+    assert '3 s ahead' in headline[0]
+    assert headline[-1] == 'Aligned.'
+    row = page.cells.index('not usable for this report: not for alignment')
+    assert page.cells[row - 1:row + 2:2] == ['/ship/imu', '160']
+
+
+def test_what_could_be_judged_leads(both_views, tmp_path):
+    ship = Ship(tmp_path / 'bag')
+    align(ship, 5)
+    ship.sail(5.0, forecast=False)
+    headline = write_report(tmp_path / 'bag', tmp_path / 'page.html')
+    assert headline[0] == 'Aligned.'
+    assert 'of ship motion' in headline[1]
+
+
+def test_a_bag_of_no_subject_says_so(tmp_path):
+    ship = Ship(tmp_path / 'bag')
+    ship.write('somewhere/else', topics.POINT, 0.0, messages.point_message(
+        TYPES, ship.stamp(0), '', 0.0))
+    ship.writer.close()
+    headline, = write_report(tmp_path / 'bag', tmp_path / 'page.html')
+    assert 'nothing that a report can judge' in headline
+    assert Page(tmp_path / 'page.html').headings == ['What was recorded', 'Gaps and rejects']
 
 
 def test_nothing_stays_behind_where_the_page_cannot_be_written(simulated, tmp_path):

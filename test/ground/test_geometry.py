@@ -211,3 +211,40 @@ def test_a_rolling_ship_by_pencil():
         assert height == pytest.approx(5.0 * sin(start + radians(roll_deg)) - 4.0)
     assert degrees(start) == pytest.approx(53.1301, abs=1e-4)
     assert sqrt(3.0**2 + 4.0**2) == 5.0
+
+
+def vectors(scale):
+    return np.array([[0.0, 0.0, 0.0], [1.0, -2.0, 0.5], [0.0, 0.0, 1e-9]]) * scale
+
+
+@pytest.mark.parametrize('scale', [1e-3, 1.0])
+def test_rotation_matrices_are_scipys_alone_and_in_numbers(scale):
+    many = vectors(scale)
+    expected = Rotation.from_rotvec(many).as_matrix()
+    np.testing.assert_allclose(geometry.rotation_matrix(many), expected, atol=1e-14)
+    for vec, mat in zip(many, expected, strict=True):
+        np.testing.assert_allclose(geometry.rotation_matrix(vec), mat, atol=1e-14)
+    np.testing.assert_allclose(geometry.rotation_vectors(expected), many, atol=1e-14)
+
+
+def test_a_slight_rotation_is_off_by_the_third_power():
+    vec = np.array([2e-4, -1e-4, 2e-4])
+    difference = geometry.slight_rotation(vec) - geometry.rotation_matrix(vec)
+    assert np.max(np.abs(difference)) < 3e-4**3 / 6
+
+
+def test_cross_products_are_numpys():
+    a, b = np.random.default_rng(1).normal(size=(2, 4, 5, 3))
+    np.testing.assert_allclose(geometry.cross(a, b), np.cross(a, b), atol=1e-14)
+    np.testing.assert_allclose(geometry.transformed(geometry.skew(a[0, 0]), b[0, 0]),
+                               np.cross(a[0, 0], b[0, 0]))
+
+
+@pytest.mark.parametrize('vec', [(0.1, 0.2, 0.3), (3.0, 0.0, 0.0), (0.0, 3.1, 0.0),
+                                 (0.0, 0.5, 3.0)])
+def test_a_matrix_and_its_quaternion_turn_alike(vec):
+    mat = geometry.rotation_matrix(np.array(vec))
+    quaternion = geometry.quaternion_from_matrix(mat)
+    np.testing.assert_allclose(geometry.matrix_from_quaternion(quaternion), mat, atol=1e-14)
+    np.testing.assert_allclose(geometry.rotated(quaternion, (1.0, 2.0, 3.0)),
+                               mat @ (1.0, 2.0, 3.0))

@@ -21,9 +21,12 @@ from deck_motion_ros.samples import (  # noqa: E402
     ImuSample,
     MotionForecast,
     OdometrySample,
+    RangeSample,
     Rejected,
     TouchdownForecast,
     TouchdownPose,
+    VectorSample,
+    VelocitySample,
 )
 from deck_motion_ros.topics import (  # noqa: E402
     BY_NAME,
@@ -32,8 +35,11 @@ from deck_motion_ros.topics import (  # noqa: E402
     ODOMETRY,
     outputs,
     POINT,
+    POSE,
     TOPICS,
+    TWIST,
 )
+from deck_motion_ros.topics import VECTOR as VECTOR_STAMPED  # noqa: E402
 
 RCL, BAG = RclTypes(), BagTypes()
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -109,6 +115,56 @@ def test_heave_there_and_back(sample):
 def test_odometry_there_and_back(sample):
     for msg in assert_alike(ODOMETRY, lambda types: messages.odometry_message(types, sample)):
         assert_same(sample, messages.odometry_sample(msg))
+
+
+RANGE_SAMPLE = st.builds(RangeSample, STAMP, FRAME, st.floats(0.0, 1e4, width=32),
+                         st.floats(0.0, 1e3, width=32))
+VELOCITY_SAMPLE = st.builds(VelocitySample, STAMP, FRAME, VECTOR,
+                            st.tuples(VARIANCE, VARIANCE, VARIANCE))
+
+
+@settings(max_examples=40)
+@given(st.one_of(RANGE_SAMPLE, VELOCITY_SAMPLE))
+def test_range_and_velocity_there_and_back(sample):
+    kind, _ = messages.BUILDERS[type(sample)]
+    for msg in assert_alike(kind, lambda types: messages.message(types, sample)):
+        assert messages.CONVERTERS[kind](msg) == sample
+
+
+@pytest.mark.parametrize('types', [RCL, BAG])
+def test_range_without_an_echo_or_outside_its_limits(types):
+    """REP-117: NaN is an error, +inf no echo, -inf too near."""
+    for distance, words in ((nan, 'not finite'), (inf, 'not finite'), (-inf, 'not finite'),
+                            (600.0, 'outside min_range'), (0.1, 'outside min_range')):
+        msg = messages.range_message(types, RangeSample(5, 'radar', distance, 0.0))
+        msg.min_range, msg.max_range = 0.5, 500.0
+        with pytest.raises(Rejected, match=words):
+            messages.range_sample(msg)
+
+
+def test_full_covariances_stand_row_by_row():
+    pose_cov, twist_cov = np.arange(36.0).reshape(6, 6), np.arange(36.0, 72.0).reshape(6, 6)
+    level = (0.0, 0.0, 0.0, 1.0)
+    for msg in assert_alike(ODOMETRY, lambda types: messages.estimate_message(
+            types, 7, 'deck', 'uav_deck', (1.0, 2.0, 3.0), level, pose_cov, (4.0, 5.0, 6.0),
+            (0.1, 0.2, 0.3), twist_cov)):
+        assert msg.pose.covariance[6:12].tolist() == [6.0, 7.0, 8.0, 9.0, 10.0, 11.0]
+        assert msg.twist.covariance[35] == 71.0 and msg.twist.twist.linear.z == 6.0
+        assert msg.twist.twist.angular.y == 0.2 and msg.child_frame_id == 'uav_deck'
+    for msg in assert_alike(POSE, lambda types: messages.pose_message(
+            types, 7, 'deck', (1.0, 2.0, 3.0), level, pose_cov)):
+        assert msg.pose.covariance[6:12].tolist() == [6.0, 7.0, 8.0, 9.0, 10.0, 11.0]
+        assert msg.pose.pose.position.z == 3.0 and messages.stamp_of(msg) == 7
+
+
+def test_vectors_alone():
+    for msg in assert_alike(VECTOR_STAMPED, lambda types: messages.message(
+            types, VectorSample(7, 'slave', (1.0, 2.0, 3.0)))):
+        assert content(msg.vector) == {'x': 1.0, 'y': 2.0, 'z': 3.0}
+    for msg in assert_alike(TWIST, lambda types: messages.twist_message(
+            types, 7, 'deck', (1.0, 2.0, 3.0))):
+        assert content(msg.twist.linear) == {'x': 1.0, 'y': 2.0, 'z': 3.0}
+        assert content(msg.twist.angular) == {'x': 0.0, 'y': 0.0, 'z': 0.0}
 
 
 SAMPLE = ImuSample(10**18 + 7, 'mru', (0.0, 0.0, 0.0, 1.0), (1e-6, 2e-6, 3e-6), (1.0, 2.0, 3.0),
@@ -271,6 +327,7 @@ def test_the_table_of_topics_is_the_contracts():
         'touchdown/height': ('geometry_msgs/msg/PointStamped', 'touchdown_rest'),
         'touchdown/prediction': ('nav_msgs/msg/Odometry', 'ship_level'),
         'touchdown/forecast': ('trajectory_msgs/msg/MultiDOFJointTrajectory', 'ship_level'),
-        'touchdown/forecast_sd': ('trajectory_msgs/msg/JointTrajectory', 'ship_level')}
+        'touchdown/forecast_sd': ('trajectory_msgs/msg/JointTrajectory', 'ship_level'),
+        'touchdown/window': ('diagnostic_msgs/msg/DiagnosticArray', '')}
     assert len(BY_NAME) == len(TOPICS)
     assert [topic.name for topic in TOPICS if topic.name.startswith('/')] == ['/diagnostics']

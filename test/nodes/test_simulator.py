@@ -171,7 +171,7 @@ def test_diagnostics_count_and_list_the_settings(simulator, listener, executor, 
 
 
 @pytest.mark.parametrize('values, words', [
-    ({'scenario': 'catapult'}, "'scenario' must be one of sea, shaping"),
+    ({'scenario': 'submarine'}, "'scenario' must be one of sea, shaping"),
     ({'rate': 1000.0}, "'rate' must be within 1 to 200 Hz"),
     ({'white_sd': [0.1]}, "'white_sd' needs 3 numbers")])
 def test_wrong_parameters_are_named(simulator, values, words):

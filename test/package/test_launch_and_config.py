@@ -9,6 +9,7 @@ from ruamel.yaml import YAML
 
 from deck_motion_ros.config import configured, parameters
 from deck_motion_ros.documentation import CONFIGS
+from deck_motion_ros.simulation.runs import scenario
 from deck_motion_ros.topics import BY_NAME
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,14 +81,19 @@ def test_launch_remaps_topics_of_the_contract(launch):
         assert remap.get('from') in BY_NAME
 
 
+def config_class(node, values):
+    """Return what the node's parameters are; those of the simulator depend on its scenario."""
+    return scenario(values['scenario']).config if 'scenario' in values else CONFIGS[node]
+
+
 def test_config_files_hold_valid_values_of_declared_parameters(sections):
     for node, values in sections.items():
-        configured(CONFIGS[node], values)
+        configured(config_class(node, values), values)
 
 
 def test_config_files_write_values_in_the_type_ros_insists_on(sections):
     for node, values in sections.items():
-        table = parameters(CONFIGS[node])
+        table = parameters(config_class(node, values))
         for name, value in values.items():
             assert kinds(value) == kinds(table[name].default), f'{node} {name}'
 

@@ -1,5 +1,7 @@
 """The golden bags: pure replay, the live node, and player, predictor and recorder together."""
 
+from dataclasses import fields, is_dataclass
+from importlib import import_module
 import os
 from pathlib import Path
 import signal
@@ -12,23 +14,39 @@ import pytest
 from deck_motion_ros.params_file import read_params_file
 from deck_motion_ros.recording import BagReader
 from deck_motion_ros.replaying import replay
+from deck_motion_ros.topics import BY_NAME, inputs, outputs
 
 BAGS = Path(__file__).resolve().parents[2] / 'bags'
 NAMES = sorted(path.stem for path in BAGS.glob('*.yaml'))
 OUTPUTS = ('/touchdown/height', '/touchdown/prediction', '/touchdown/forecast',
-           '/touchdown/forecast_sd')
+           '/touchdown/forecast_sd', '/touchdown/window')  # of the predictor
+
+
+def node_of(golden):
+    """Name the node whose parameters lie beside a golden bag."""
+    return Path(f'{golden}.yaml').read_text().partition(':')[0]
+
+
+def settings_of(golden):
+    return read_params_file(Path(f'{golden}.yaml'), node_of(golden))
+
+
+def topics(golden, of):
+    """List the topics of the bag's node that are in it: its ``inputs`` or ``outputs``."""
+    return [f'/{topic.name}' for topic in of(node_of(golden))
+            if f'/{topic.name}' in BagReader(golden).topics]
 
 
 def flat(msg):
     """List a message's content, depth first: texts as they are, numbers as floats."""
-    if isinstance(msg, (str, bytes)):
+    if isinstance(msg, str):
         return [msg]
     if hasattr(msg, '__slots__') and hasattr(msg, 'get_fields_and_field_types'):  # rclpy
         return [leaf for name in msg.get_fields_and_field_types()
                 for leaf in flat(getattr(msg, name))]
-    if hasattr(msg, '__dataclass_fields__'):  # rosbags
-        return [leaf for name in msg.__dataclass_fields__ if name != '__msgtype__'
-                for leaf in flat(getattr(msg, name))]
+    if is_dataclass(msg):  # rosbags
+        return [leaf for item in fields(msg) if item.name[0].islower()  # no constants
+                for leaf in flat(getattr(msg, item.name))]
     if hasattr(msg, '__len__'):
         return [leaf for item in msg for leaf in flat(item)]
     return [float(msg)]
@@ -55,23 +73,22 @@ def assert_close(ours, golden):
 def replayed(request, tmp_path_factory):
     """Replay the inputs of a golden bag; return its folder and the new one."""
     golden = BAGS / request.param
-    params = read_params_file(BAGS / f'{request.param}.yaml', 'predictor')
     out = tmp_path_factory.mktemp('replayed') / request.param
-    replay(golden, out, 'predictor', params)
+    replay(golden, out, node_of(golden), settings_of(golden))
     return golden, out
 
 
-@pytest.mark.parametrize('topic', OUTPUTS)
-def test_replay_gives_the_golden_outputs(replayed, topic):
+def test_replay_gives_the_golden_outputs(replayed):
     golden, out = replayed
-    assert_close(track(out, topic), track(golden, topic))
+    assert len(topics(golden, outputs)) == len(outputs(node_of(golden)))
+    for topic in topics(golden, outputs):
+        assert_close(track(out, topic), track(golden, topic))
 
 
 def test_replay_twice_gives_the_same_bits(replayed, tmp_path):
     golden, out = replayed
-    replay(golden, tmp_path / 'again', 'predictor',
-           read_params_file(BAGS / f'{golden.name}.yaml', 'predictor'))
-    for topic in OUTPUTS:
+    replay(golden, tmp_path / 'again', node_of(golden), settings_of(golden))
+    for topic in topics(golden, outputs):
         assert track(tmp_path / 'again', topic) == track(out, topic)
 
 
@@ -79,41 +96,36 @@ def test_live_node_is_bit_equal_to_replay(replayed, context, executor, spin_unti
     from rclpy.node import Node
     from rclpy.serialization import deserialize_message
 
-    from deck_motion_ros.nodes.predictor import PredictorNode
     from deck_motion_ros.nodes.shell import output_qos, RclTypes
-    from deck_motion_ros.topics import BY_NAME
 
     golden, out = replayed
-    predictor = PredictorNode(
+    name = node_of(golden)
+    live = getattr(import_module(f'deck_motion_ros.nodes.{name}'), f'{name.capitalize()}Node')(
         context=context, cli_args=['--ros-args', '--params-file', f'{golden}.yaml'])
     driver = Node('driver', context=context)
-    types, heard = RclTypes(), {topic: [] for topic in OUTPUTS}
+    types, heard = RclTypes(), {topic: [] for topic in topics(golden, outputs)}
     for topic, messages in heard.items():
         driver.create_subscription(types[BY_NAME[topic[1:]].type], topic,
                                    lambda msg, to=messages: to.append(flat(msg)), output_qos())
-    sent = {name: driver.create_publisher(types[BY_NAME[name].type], name, output_qos())
-            for name in ('ship/imu', 'ship/heave')}
-    for node in (predictor, driver):
+    sent = {topic: driver.create_publisher(types[BY_NAME[topic[1:]].type], topic, output_qos())
+            for topic in topics(golden, inputs)}
+    for node in (live, driver):
         executor.add_node(node)
     spin_until(lambda: all(publisher.get_subscription_count() for publisher in sent.values()))
-    spin_until(lambda: all(len(node_topics) for node_topics in (
-        predictor.get_subscriptions_info_by_topic(topic) for topic in OUTPUTS)))
-    taken = {name: 0 for name in sent}
-    take = predictor.pipeline.take
+    spin_until(lambda: all(len(live.get_subscriptions_info_by_topic(topic)) for topic in heard))
+    taken = []
+    take = live.pipeline.take
 
     def counted(topic, msg):
-        taken[topic] += 1
+        taken.append(topic)
         return take(topic, msg)
 
-    predictor.pipeline.take = counted
-    reader = BagReader(golden)
-    for count, (name, _, data) in enumerate(
-            reader.messages([f'/{name}' for name in sent]), start=1):
-        topic = name[1:]
-        sent[topic].publish(deserialize_message(data, types[BY_NAME[topic].type]))
-        spin_until(lambda upto=count: sum(taken.values()) == upto)
-    expected = {topic: track(out, topic) for topic in OUTPUTS}
-    spin_until(lambda: all(len(heard[topic]) >= len(expected[topic]) for topic in OUTPUTS))
+    live.pipeline.take = counted
+    for count, (topic, _, data) in enumerate(BagReader(golden).messages(list(sent)), start=1):
+        sent[topic].publish(deserialize_message(data, types[BY_NAME[topic[1:]].type]))
+        spin_until(lambda upto=count: len(taken) == upto)
+    expected = {topic: track(out, topic) for topic in heard}
+    spin_until(lambda: all(len(heard[topic]) >= len(expected[topic]) for topic in heard))
     assert heard == expected
 
 
@@ -129,7 +141,7 @@ def run_node(name, domain_id, log, *args):
 def test_player_predictor_recorder(tmp_path, domain_id, context, executor, spin_until):
     from rclpy.node import Node
 
-    golden = BAGS / 'shaping_202611A'  # whole: with drop-outs a backlog may join otherwise
+    golden = BAGS / 'shaping_202611B'  # whole: with drop-outs a backlog may join otherwise
     observer = Node('observer', context=context)
     executor.add_node(observer)
     with (tmp_path / 'log').open('wb') as log:

@@ -42,7 +42,7 @@ def test_bag_holds_inputs_and_outputs(tmp_path):
                   {'lever_arm': [10.0, 0.0, 0.0]})
     counts = BagReader(tmp_path / 'out').counts
     assert counts['/ship/imu'] == counts['/ship/heave'] == counts['/touchdown/height'] == 100
-    assert (done.inputs, done.outputs) == (200, 400)
+    assert (done.inputs, done.outputs) == (200, 420)  # a window every 0.5 s
     assert done.seconds == pytest.approx(9.9)
     height = last(tmp_path / 'out', '/touchdown/height')
     assert height.point.z == pytest.approx(0.5 - 10 * radians(1.0), abs=0.02)  # bow down

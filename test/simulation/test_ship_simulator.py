@@ -197,7 +197,7 @@ def test_swell_and_wind_sea_make_one_sea():
 
 
 @pytest.mark.parametrize('values, words', [
-    ({'scenario': 'catapult'}, "'scenario' must be one of sea, shaping"),
+    ({'scenario': 'submarine'}, "'scenario' must be one of sea, shaping, catapult"),
     ({'hull': 'raft'}, "'hull' must be one of cvn65, destroyer, patrol"),
     ({'rate': 500.0}, "'rate' must be within 1 to 200 Hz"),
     ({'significant_wave_height': -1.0}, "'significant_wave_height'"),
