@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed, ProcessPoolExecutor
+from concurrent.futures import as_completed
 from functools import partial
-from multiprocessing import get_context
 import os
 from pathlib import Path
-import signal
 
 import numpy as np
 
 from deck_motion_ros.bench.figures import Figure
+from deck_motion_ros.evaluation.parallel import workers
 from deck_motion_ros.evaluation.prediction import (
     ADAPTIVE,
     AFTER,
@@ -76,9 +75,7 @@ def scored(scenarios: Sequence[PredictionScenario] = PREDICTION_SCENARIOS,
     if folder:
         tasks = [*(partial(recording_scores, name, folder / file)
                    for name, file in RECORDINGS.items()), *tasks]
-    # a worker dies of Ctrl-C at once and without a word
-    with ProcessPoolExecutor(mp_context=get_context('spawn'), initializer=signal.signal,
-                             initargs=(signal.SIGINT, signal.SIG_DFL)) as pool:
+    with workers() as pool:
         futures = [pool.submit(task) for task in tasks]
         try:
             for done, future in enumerate(as_completed(futures), 1):

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed, ProcessPoolExecutor
+from concurrent.futures import as_completed
 from functools import partial
-from multiprocessing import get_context
-import signal
 
 import numpy as np
 
 from deck_motion_ros.bench.figures import Figure
+from deck_motion_ros.evaluation.parallel import workers
 from deck_motion_ros.evaluation.windows import pooled, scenario_scores, SCENARIOS, WindowScores
 
 SHARES = 0.05, 0.95  # a scenario that is quiet always or never says nothing of skill
@@ -18,8 +17,7 @@ SHARES = 0.05, 0.95  # a scenario that is quiet always or never says nothing of 
 
 def window() -> Iterator[Figure | float | str]:
     """Run the scenarios on all cores; give what share is done, and the figures."""
-    with ProcessPoolExecutor(mp_context=get_context('spawn'), initializer=signal.signal,
-                             initargs=(signal.SIGINT, signal.SIG_DFL)) as pool:
+    with workers() as pool:
         futures = [pool.submit(scenario_scores, case) for case in SCENARIOS]
         for done, future in enumerate(as_completed(futures), 1):
             future.result()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from math import hypot
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from deck_motion_ros.estimators.landing import LandingConfig, LandingEstimate, LandingEstimator
 from deck_motion_ros.estimators.multilateration import Fix
 from deck_motion_ros.estimators.ranging import JointFilter
+from deck_motion_ros.evaluation.parallel import workers
 from deck_motion_ros.evaluation.rows import Row
 from deck_motion_ros.samples import Array, ImuSample, nanoseconds, RangeSample, seconds
 from deck_motion_ros.scenarios import Pan2020Scenario
@@ -25,6 +27,7 @@ from deck_motion_ros.simulation.simulator import Event
 
 START_SPEED = LandingConfig().start_velocity_sd
 INPUTS = ('ship/imu', 'uav/imu', 'uwb/range')
+WORTHWHILE = 20  # runs from which on more processes pay
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,11 @@ class Scored:
         return np.asarray(np.sqrt(np.nanmean(np.square(self.error).sum(axis=2), axis=1)))
 
 
+def as_it_is(event: Event) -> Event | None:
+    """Let an estimator see an event."""
+    return event
+
+
 @dataclass(frozen=True)
 class Entrant:
     """
@@ -96,12 +104,13 @@ class Entrant:
     config : LandingConfig
         Its parameters.
     adapt : callable
-        What is made of each event before it sees it; ``None`` = nothing.
+        What is made of each event before it sees it; ``None`` = nothing. A function by name:
+        it goes to other processes.
 
     """
 
     config: LandingConfig
-    adapt: Callable[[Event], Event | None] = lambda event: event
+    adapt: Callable[[Event], Event | None] = as_it_is
 
 
 def without_aircraft(event: Event) -> Event | None:
@@ -135,27 +144,37 @@ def fly(config: LandingSimulatorConfig, entrants: Mapping[str, Entrant], runs: i
         When they are scored (s): with the first estimate from then on.
 
     """
-    count = len(times)
-    table = {name: (np.full((runs, count, 3), np.nan), np.tile(np.eye(3), (runs, count, 1, 1)))
-             for name in entrants}
-    bounds = np.empty((runs, count, 3))
-    for run in range(runs):
-        flown = replace(config, seed=config.seed + run)
-        simulator = LandingSimulator(flown, truth=False)
-        events = [event for event in simulator if event.topic in INPUTS]
-        bounds[run] = bound(simulator, flown, events, times)
-        for name, entrant in entrants.items():
-            estimates = followed(entrant, events)
-            stamps = np.array([item.stamp for item in estimates], dtype=np.int64)
-            rows = np.searchsorted(stamps, [nanoseconds(time) for time in times.tolist()])
-            there = rows < len(stamps)
-            picked = [estimates[row] for row in rows[there]]
-            truth, _ = simulator.scene.over_deck(
-                np.array([seconds(item.stamp) for item in picked]))
-            errors, covs = table[name]
-            errors[run, there] = np.array([item.position for item in picked]) - truth
-            covs[run, there] = [item.cov[:3, :3] for item in picked]
-    return {name: Scored(times, error, cov, bounds) for name, (error, cov) in table.items()}
+    one = partial(_landing, config, dict(entrants), times)
+    if runs < WORTHWHILE:
+        landed = [one(run) for run in range(runs)]
+    else:
+        with workers() as processes:
+            landed = list(processes.map(one, range(runs)))
+    bounds = np.array([bound for bound, _ in landed])
+    return {name: Scored(times, np.array([table[name][0] for _, table in landed]),
+                         np.array([table[name][1] for _, table in landed]), bounds)
+            for name in entrants}
+
+
+def _landing(config: LandingSimulatorConfig, entrants: Mapping[str, Entrant], times: Array,
+             run: int) -> tuple[Array, dict[str, tuple[Array, Array]]]:
+    """Return the bound of one landing, and each estimator's errors and covariances."""
+    flown = replace(config, seed=config.seed + run)
+    simulator = LandingSimulator(flown, truth=False)
+    events = [event for event in simulator if event.topic in INPUTS]
+    table = {}
+    for name, entrant in entrants.items():
+        estimates = followed(entrant, events)
+        stamps = np.array([item.stamp for item in estimates], dtype=np.int64)
+        rows = np.searchsorted(stamps, [nanoseconds(time) for time in times.tolist()])
+        there = rows < len(stamps)
+        picked = [estimates[row] for row in rows[there]]
+        truth, _ = simulator.scene.over_deck(np.array([seconds(item.stamp) for item in picked]))
+        error, cov = np.full((len(times), 3), np.nan), np.tile(np.eye(3), (len(times), 1, 1))
+        error[there] = np.array([item.position for item in picked]) - truth
+        cov[there] = [item.cov[:3, :3] for item in picked]
+        table[name] = error, cov
+    return bound(simulator, flown, events, times), table
 
 
 def followed(entrant: Entrant, events: list[Event]) -> list[LandingEstimate]:
