@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from importlib import import_module
-import os
-from time import perf_counter, sleep
 
 import numpy as np
 
-from deck_motion_ros import messages
 from deck_motion_ros.bench.figures import alternated, compared, Figure
-from deck_motion_ros.bench.live import cpu_seconds, Driver, running, until
+from deck_motion_ros.bench.live import played
 from deck_motion_ros.estimators.altitude import AltitudeConfig, AltitudeEstimator
 from deck_motion_ros.estimators.encounter import wave_model
 from deck_motion_ros.estimators.wave_filter import HEIGHT, RATE, STATES, WaveFilter
@@ -20,14 +17,13 @@ from deck_motion_ros.processes import van_loan
 from deck_motion_ros.samples import (
     Array,
     ImuSample,
-    NANOSECONDS,
     OdometrySample,
     RangeSample,
     VelocitySample,
 )
 from deck_motion_ros.simulation.sea_skimming import SkimmingSimulator, SkimmingSimulatorConfig
 from deck_motion_ros.simulation.simulator import Event
-from deck_motion_ros.topics import BY_NAME, inputs, ODOMETRY
+from deck_motion_ros.topics import ODOMETRY
 
 RATE_HZ, HEIGHT_M = 100, 30.0
 DT = 1 / RATE_HZ
@@ -126,24 +122,7 @@ def estimator(events: list[Event]) -> int:
 
 
 def _live(events: list[Event], duration: float) -> Iterator[Figure]:
-    place, topics = f'/bench_{os.getpid()}', [topic.name for topic in inputs('altitude')]
-    with Driver() as driver, running('deck_motion_ros.nodes.altitude', place) as process:
-        sent = {topic: driver.publisher(BY_NAME[topic].type, f'{place}/{topic}', depth=1000)
-                for topic in topics}
-        heard: list[object] = []
-        driver.subscribe(ODOMETRY, f'{place}/altitude/odometry', heard.append)
-        until(lambda: all(publisher.get_subscription_count() for publisher in sent.values()),
-              'the node did not subscribe')
-        built = [(event, messages.message(driver.types, event.sample)) for event in events]
-        cpu, start = cpu_seconds(process.pid), perf_counter()
-        for event, msg in built:
-            sleep(max(start + event.time / NANOSECONDS - perf_counter(), 0.0))
-            sent[event.topic].publish(msg)
-            driver.spin_once(0.0)
-        end = perf_counter() + 0.5
-        while perf_counter() < end:
-            driver.spin_once(0.05)
-        load = (cpu_seconds(process.pid) - cpu) / (perf_counter() - start)
-    yield Figure('altitude', 'live_rate', len(heard) / duration, 'estimates/s',
+    heard, load = played('altitude', events, ODOMETRY, 'altitude/odometry')
+    yield Figure('altitude', 'live_rate', heard / duration, 'estimates/s',
                  goal=f'>= {0.98 * RATE_HZ:g}')
     yield Figure('altitude', 'live_load', 100 * load, '% of a core')

@@ -6,21 +6,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
-import os
-from time import perf_counter, sleep
 
 import numpy as np
 
-from deck_motion_ros import messages
 from deck_motion_ros.bench.figures import alternated, compared, Figure
-from deck_motion_ros.bench.live import cpu_seconds, Driver, running, until
+from deck_motion_ros.bench.live import played
 from deck_motion_ros.estimators.landing import LandingConfig, LandingEstimator
 from deck_motion_ros.estimators.multilateration import Fix
 from deck_motion_ros.estimators.ranging import JointFilter
 from deck_motion_ros.samples import Array, ImuSample, NANOSECONDS, RangeSample
 from deck_motion_ros.simulation.landing import LandingSimulator, LandingSimulatorConfig
 from deck_motion_ros.simulation.simulator import Event
-from deck_motion_ros.topics import BY_NAME, ODOMETRY
+from deck_motion_ros.topics import ODOMETRY
 
 DT, SD = 0.1, 0.05  # s, m
 POINTS = LandingConfig().points()
@@ -131,25 +128,8 @@ def estimator(config: LandingConfig, events: list[Event]) -> int:
 
 
 def _live(duration: float) -> Iterator[Figure]:
-    place = f'/bench_{os.getpid()}'
-    with Driver() as driver, running('deck_motion_ros.nodes.landing', place) as process:
-        sent = {topic: driver.publisher(BY_NAME[topic].type, f'{place}/{topic}', depth=1000)
-                for topic in INPUTS}
-        heard: list[object] = []
-        driver.subscribe(ODOMETRY, f'{place}/landing/odometry', heard.append)
-        until(lambda: all(publisher.get_subscription_count() for publisher in sent.values()),
-              'the node did not subscribe')
-        built = [(event, messages.message(driver.types, event.sample))
-                 for event in LandingSimulator(replace(SCENE, duration=duration), truth=False)
-                 if event.topic in INPUTS]
-        cpu, start = cpu_seconds(process.pid), perf_counter()
-        for event, msg in built:
-            sleep(max(start + event.time / NANOSECONDS - perf_counter(), 0.0))
-            sent[event.topic].publish(msg)
-            driver.spin_once(0.0)
-        end = perf_counter() + 0.5
-        while perf_counter() < end:
-            driver.spin_once(0.05)
-        load = (cpu_seconds(process.pid) - cpu) / (perf_counter() - start)
-    yield Figure('landing', 'live_rate', len(heard) / (duration - 1.0), 'estimates/s')
+    events = [event for event in LandingSimulator(replace(SCENE, duration=duration), truth=False)
+              if event.topic in INPUTS]
+    heard, load = played('landing', events, ODOMETRY, 'landing/odometry')
+    yield Figure('landing', 'live_rate', heard / (duration - 1.0), 'estimates/s')
     yield Figure('landing', 'live_load', 100 * load, '% of a core')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import sin
 import os
@@ -20,7 +20,8 @@ from deck_motion_ros import messages
 from deck_motion_ros.bench.figures import compared, Figure
 from deck_motion_ros.geometry import quaternion_from_rpy
 from deck_motion_ros.samples import HeaveSample, ImuSample, NANOSECONDS
-from deck_motion_ros.topics import IMU, POINT
+from deck_motion_ros.simulation.simulator import Event
+from deck_motion_ros.topics import IMU, inputs, POINT
 
 PERIOD = 0.01  # s: 100 Hz
 FIRST_STAMP = 10**18  # ns
@@ -105,6 +106,48 @@ class _Rival:
         while self._answer is None and perf_counter() < start + 1.0:
             self._driver.spin_once(PERIOD)
         return None if self._answer is None else self._answer - start
+
+
+def played(node: str, events: Sequence[Event], kind: str, output: str) -> tuple[int, float]:
+    """
+    Play events to a live node in real time.
+
+    Parameters
+    ----------
+    node : str
+        Which.
+    events : sequence of Event
+        Of its input topics; times (ns) from 0.
+    kind, output : str
+        Type and name of the topic that is counted.
+
+    Returns
+    -------
+    int
+        Messages on ``output``.
+    float
+        Share of a core that the node took.
+
+    """
+    place = f'/bench_{os.getpid()}'
+    with Driver() as driver, running(f'deck_motion_ros.nodes.{node}', place) as process:
+        sent = {topic.name: driver.publisher(topic.type, f'{place}/{topic.name}', depth=1000)
+                for topic in inputs(node)}
+        heard: list[object] = []
+        driver.subscribe(kind, f'{place}/{output}', heard.append)
+        until(lambda: all(publisher.get_subscription_count() for publisher in sent.values()),
+              'the node did not subscribe')
+        built = [(event, messages.message(driver.types, event.sample)) for event in events]
+        cpu, start = cpu_seconds(process.pid), perf_counter()
+        for event, msg in built:
+            sleep(max(start + event.time / NANOSECONDS - perf_counter(), 0.0))
+            sent[event.topic].publish(msg)
+            driver.spin_once(0.0)
+        end = perf_counter() + 0.5
+        while perf_counter() < end:
+            driver.spin_once(0.05)
+        load = (cpu_seconds(process.pid) - cpu) / (perf_counter() - start)
+    return len(heard), load
 
 
 def recorder(rate: int = 3000, duration: float = 20.0) -> Iterator[Figure]:

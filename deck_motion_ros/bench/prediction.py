@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
 from functools import partial
 import os
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from deck_motion_ros.bench.figures import Figure
-from deck_motion_ros.evaluation.parallel import workers
+from deck_motion_ros.evaluation.parallel import results
 from deck_motion_ros.evaluation.prediction import (
     ADAPTIVE,
     AFTER,
@@ -75,17 +74,12 @@ def scored(scenarios: Sequence[PredictionScenario] = PREDICTION_SCENARIOS,
     if folder:
         tasks = [*(partial(recording_scores, name, folder / file)
                    for name, file in RECORDINGS.items()), *tasks]
-    with workers() as pool:
-        futures = [pool.submit(task) for task in tasks]
-        try:
-            for done, future in enumerate(as_completed(futures), 1):
-                future.result()
-                yield done / len(futures)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    first = len(futures) - len(scenarios)
-    yield [item for future in futures[first:] + futures[:first] for item in future.result()]
+    found: list[list[Scores]] = []
+    for scores in results(tasks):
+        found.append(scores)
+        yield len(found) / len(tasks)
+    first = len(tasks) - len(scenarios)
+    yield [item for scores in found[first:] + found[:first] for item in scores]
 
 
 def _scenario(case: PredictionScenario) -> list[Scores]:

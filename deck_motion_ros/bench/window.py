@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
 from functools import partial
 
 import numpy as np
 
 from deck_motion_ros.bench.figures import Figure
-from deck_motion_ros.evaluation.parallel import workers
+from deck_motion_ros.evaluation.parallel import results
 from deck_motion_ros.evaluation.windows import pooled, scenario_scores, SCENARIOS, WindowScores
 
 SHARES = 0.05, 0.95  # a scenario that is quiet always or never says nothing of skill
@@ -17,12 +16,11 @@ SHARES = 0.05, 0.95  # a scenario that is quiet always or never says nothing of 
 
 def window() -> Iterator[Figure | float | str]:
     """Run the scenarios on all cores; give what share is done, and the figures."""
-    with workers() as pool:
-        futures = [pool.submit(scenario_scores, case) for case in SCENARIOS]
-        for done, future in enumerate(as_completed(futures), 1):
-            future.result()
-            yield done / len(futures)
-    yield from figures([item for future in futures for item in future.result()])
+    found: list[list[WindowScores]] = []
+    for scores in results(partial(scenario_scores, case) for case in SCENARIOS):
+        found.append(scores)
+        yield len(found) / len(SCENARIOS)
+    yield from figures([item for scores in found for item in scores])
 
 
 def figures(scores: Sequence[WindowScores]) -> Iterator[Figure]:

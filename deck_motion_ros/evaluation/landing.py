@@ -13,7 +13,7 @@ import numpy as np
 from deck_motion_ros.estimators.landing import LandingConfig, LandingEstimate, LandingEstimator
 from deck_motion_ros.estimators.multilateration import Fix
 from deck_motion_ros.estimators.ranging import JointFilter
-from deck_motion_ros.evaluation.parallel import workers
+from deck_motion_ros.evaluation.parallel import results
 from deck_motion_ros.evaluation.rows import Row
 from deck_motion_ros.samples import Array, ImuSample, nanoseconds, RangeSample, seconds
 from deck_motion_ros.scenarios import Pan2020Scenario
@@ -144,12 +144,8 @@ def fly(config: LandingSimulatorConfig, entrants: Mapping[str, Entrant], runs: i
         When they are scored (s): with the first estimate from then on.
 
     """
-    one = partial(_landing, config, dict(entrants), times)
-    if runs < WORTHWHILE:
-        landed = [one(run) for run in range(runs)]
-    else:
-        with workers() as processes:
-            landed = list(processes.map(one, range(runs)))
+    tasks = [partial(_landing, config, dict(entrants), times, run) for run in range(runs)]
+    landed = [task() for task in tasks] if runs < WORTHWHILE else list(results(tasks))
     bounds = np.array([bound for bound, _ in landed])
     return {name: Scored(times, np.array([table[name][0] for _, table in landed]),
                          np.array([table[name][1] for _, table in landed]), bounds)

@@ -4,24 +4,22 @@ from functools import partial
 
 import numpy as np
 import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 
-rclpy = pytest.importorskip('rclpy', reason='no ROS 2 here')
-
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.qos import QoSProfile  # noqa: E402
-
-from deck_motion_ros import messages  # noqa: E402
-from deck_motion_ros.estimators.altitude import AltitudeConfig  # noqa: E402
-from deck_motion_ros.nodes.altitude import AltitudeNode  # noqa: E402
-from deck_motion_ros.nodes.shell import RclTypes  # noqa: E402
-from deck_motion_ros.pipelines.altitude import AltitudePipeline  # noqa: E402
-from deck_motion_ros.recording import BagTypes  # noqa: E402
-from deck_motion_ros.samples import OdometrySample  # noqa: E402
-from deck_motion_ros.simulation.sea_skimming import (  # noqa: E402
+from deck_motion_ros import messages
+from deck_motion_ros.estimators.altitude import AltitudeConfig
+from deck_motion_ros.nodes.altitude import AltitudeNode
+from deck_motion_ros.nodes.shell import RclTypes
+from deck_motion_ros.pipelines.altitude import AltitudePipeline
+from deck_motion_ros.recording import BagTypes
+from deck_motion_ros.samples import OdometrySample
+from deck_motion_ros.simulation.sea_skimming import (
     SkimmingSimulator,
     SkimmingSimulatorConfig,
 )
-from deck_motion_ros.topics import BY_NAME, inputs  # noqa: E402
+from deck_motion_ros.topics import BY_NAME, inputs
 
 RCL, BAG = RclTypes(), BagTypes()
 FLIGHT = SkimmingSimulatorConfig(
