@@ -34,7 +34,7 @@ STATES = 12
 PHI, VEL, BIAS, DIST = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 ALL, ACROSS = slice(0, 3), slice(1, 3)  # what the reference gives in track axes
 IDENTITY = np.eye(STATES)
-NOISE = 4.0  # sd of a change of the force that is taken for noise
+NOISE = 5.0  # sd of a change of the force that is taken for noise
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,14 @@ class Disturbance:
     """
     What shakes the slave's accelerometers in the stroke, known only by what it does.
 
-    The disturbance relaxes, and is stirred: by as much as the measured force changes from sample
-    to sample, in the direction in which it changes; by as much as it relaxes, for that is a
-    guess; and where an innovation is still a surprise, by what explains it. So the filter fades
-    while the nose gear shakes, along that shaking, and no longer.
+    At first the thrust hides it, but along the track alone. So for a moment, in which the ship
+    has hardly moved, it is what the force across the track shows beyond the force before the
+    launch, and along the track what goes with that in the changes from sample to sample.
+
+    From then on the disturbance relaxes, and is stirred: by as much as the measured force changes,
+    in the direction in which it changes; by as much as it relaxes, for that is a guess; and
+    where an innovation is still a surprise, by what explains it. So the filter fades while the
+    nose gear shakes, along that shaking, and no longer.
 
     Attributes
     ----------
@@ -54,10 +58,13 @@ class Disturbance:
     memory : float
         Share of the stirring that is left one step later.
     wait : float
-        Time from the launch to the first step (s): the thrust's onset hides the direction of the
-        shaking, the next samples show it.
-    onset : float
-        How much larger the disturbance may be at the launch than its changes until that step.
+        Time from the launch to the first step (s): changes must have shown a direction.
+    shown : float
+        Time from the launch (s) in which the force across the track shows the disturbance.
+    steady : float
+        Sd of what else changes that force until then (m/s^2).
+    late : float
+        Sd of the reference's delay (s), of which the thrust makes an error of velocity.
     gate : float
         From which normalised squared innovation on one is a surprise.
     clear : float
@@ -68,7 +75,9 @@ class Disturbance:
     relaxation: float = 0.07
     memory: float = 0.6
     wait: float = 0.03
-    onset: float = 15.0
+    shown: float = 0.1
+    steady: float = 0.05
+    late: float = 0.005
     gate: float = 8.0
     clear: float = 3.0
 
@@ -147,7 +156,7 @@ class TransferFilter:
         self.model, self._earth = model, earth
         self._mat = self._start = mat
         self.vec_v = self._reference = vec_v
-        self.bias, self.disturbance, self._push, self._relaxed = np.zeros((4, *vec_v.shape))
+        self.bias, self.disturbance, self._push = np.zeros((3, *vec_v.shape))
         self._vec_x = np.zeros((*vec_v.shape[:-1], STATES))
         self.cov = np.zeros((*vec_v.shape[:-1], STATES, STATES))
         self.cov[..., PHI, PHI], self.cov[..., VEL, VEL] = mat_phi, mat_vel
@@ -156,12 +165,13 @@ class TransferFilter:
         self.innovation = np.zeros_like(vec_v)
         self.size = self.factor = np.ones(vec_v.shape[:-1])
         self.dt = self._age = 0.0  # s since the last step, since the first
+        self._stroke = 0.0  # s since the launch
         self._complete = True
-        self._acceleration: Array | None = None
         self._before: Increments | None = None
-        self._force: Array | None = None
+        self._force = transformed(mat.swapaxes(-1, -2), -earth.gravity)  # newest, in the body
+        self._calm = np.zeros(vec_v.shape)  # force before the launch, in the body
         self._stir, self._fresh = np.zeros((2, *vec_v.shape, 3))
-        self._onset = False
+        self._left = 0.0  # of the disturbance after this step
         self._spread = np.zeros(vec_v.shape[:-1])  # of the velocity, from the fading of this step
         self._mat_v: Array | None = None
         self._axes = EYE  # ENU at the start to ENU now, against the stars
@@ -195,17 +205,19 @@ class TransferFilter:
         now = Increments(rate * dt, (force - self.bias) * dt)
         self._mat, self.vec_v = advanced(self._mat, self.vec_v, now, self._before or now, dt,
                                         self._earth)
-        if self.launched and self._force is not None:
-            self._fresh = self._fresh + _beyond(
-                force - self._force, NOISE * sqrt(2 / dt) * self.model.push_sd)
+        if self.launched:
+            if self._stroke:
+                self._fresh = self._fresh + _beyond(
+                    force - self._force, NOISE * sqrt(2 / dt) * self.model.push_sd)
+            self._stroke += dt
         self._before, self._force = now, force
         self._push = self._push + dt * force
         self.dt += dt
 
     def launch(self) -> None:
         """Say that the next interval belongs to the stroke."""
-        self.launched = self._onset = True
-        self._force = None
+        self.launched = True
+        self._calm = self._force
 
     def doubt(self, turn: float, push: float) -> None:
         """Say that increments since the last step are missing: sd of them (rad, m/s)."""
@@ -228,12 +240,11 @@ class TransferFilter:
 
         """
         complete, disturbance = seen == ALL, self.model.disturbance
-        if disturbance and self._onset and self.dt < disturbance.wait:
+        if disturbance and self.launched and self._stroke < disturbance.wait:
             return
-        self._relax()
+        fading = self._disturb(mat_track[..., 0])
         mat_phi = self._transition(reference if complete and self._complete else None)
-        thrust = self._thrust(reference, mat_track, mat_r, complete)
-        mat_q = self._noise(thrust)
+        mat_q = self._noise() + fading
         mat_h = np.zeros((*self.vec_v.shape, STATES))
         mat_h[..., VEL] = mat_track.swapaxes(-1, -2)
         mat_h, mat_r = mat_h[..., seen, :], mat_r[seen, seen]
@@ -276,15 +287,57 @@ class TransferFilter:
         turned = self._axes @ self.start
         return np.asarray(turned.swapaxes(-1, -2) @ self.cov[..., PHI, PHI] @ turned)
 
-    def _relax(self) -> None:
-        """Let the disturbance decay, and take what it did in this step out of the velocity."""
-        if self.model.disturbance:
-            left = self._relaxation() * self.disturbance
-            self._relaxed, self.disturbance = self.disturbance - left, left
-            self.vec_v = self.vec_v - self.dt * transformed(self._mat, self.disturbance)
+    def _disturb(self, along: Array) -> Array:
+        """Carry the disturbance on, and into the velocity; return what covariance enters."""
+        model, dt = self.model.disturbance, self.dt
+        if model is None or not self.launched:
+            return np.zeros(self.cov.shape)
+        self._stir = model.memory * self._stir + self._fresh
+        self._fresh = np.zeros(self._stir.shape)
+        if self._stroke < model.shown:
+            self._left = 0.0
+            gain, cov, thrust = self._shown(model, along)
+            left = transformed(gain, self._force - self._calm)
+            push = transformed(gain, self._push - dt * self._calm)
+            fading = self._entering(cov)
+            # its errors at these steps are one and the same
+            fading[..., VEL, VEL] *= max(2 * self._stroke / dt - 1, 1.0)
+            if self._stroke <= dt:  # the first step
+                fading[..., VEL, VEL] += model.late**2 * _square(transformed(self._mat, thrust))
+        else:
+            self._left = exp(-dt / model.relaxation)
+            left = self._left * self.disturbance
+            push = dt * left
+            fading = self._entering(self._stir + _square(self.disturbance - left))
+        self.disturbance = left
+        self.vec_v = self.vec_v - transformed(self._mat, push)
+        self._spread = np.trace(fading[..., VEL, VEL], axis1=-2, axis2=-1)
+        return fading
 
-    def _relaxation(self) -> float:
-        return exp(-self.dt / self.model.disturbance.relaxation) if self.model.disturbance else 0.0
+    def _shown(self, model: Disturbance, along: Array) -> tuple[Array, Array, Array]:
+        """
+        Return how the force beyond the calm one shows the disturbance.
+
+        Returns
+        -------
+        gain, cov : ndarray, shape (..., 3, 3)
+            Disturbance by force, and the covariance of its error: what the changes are, enlarged
+            to the size of the force across the track, once that is measured.
+        thrust : ndarray, shape (..., 3)
+            Along the track.
+
+        """
+        along = transformed(self._mat.swapaxes(-1, -2), along)
+        across = EYE - _square(along)
+        beyond = self._force - self._calm
+        aside = transformed(across, beyond)
+        thrust = beyond - aside
+        changes = np.trace(across @ self._stir @ across, axis1=-2, axis2=-1)
+        cov = ((aside * aside).sum(-1) / np.maximum(changes, 1e-30))[..., None, None] * self._stir
+        turned = skew(thrust) @ self._mat.swapaxes(-1, -2)  # thrust across, by errors of attitude
+        mat_r = model.steady**2 * EYE + turned @ self.cov[..., PHI, PHI] @ turned.swapaxes(-1, -2)
+        gain = cov @ across @ np.linalg.inv(across @ cov @ across + mat_r) @ across
+        return gain, cov - gain @ cov, thrust
 
     def _transition(self, reference: Array | None) -> Array:
         """
@@ -304,23 +357,11 @@ class TransferFilter:
         mat_phi[..., PHI, PHI] -= skew(turn)
         mat_phi[..., VEL, PHI] = skew(push)
         mat_phi[..., VEL, BIAS] = dt * mat
-        mat_phi[..., VEL, DIST] = (self._relaxation() * dt) * mat
-        mat_phi[..., DIST, DIST] = self._relaxation() * EYE
+        mat_phi[..., VEL, DIST] = (self._left * dt) * mat
+        mat_phi[..., DIST, DIST] = self._left * EYE
         return mat_phi
 
-    def _thrust(self, reference: Array, mat_track: Array, mat_r: Array, complete: bool) -> Array:
-        """Return the change of the acceleration along the track, (..., 3) in body axes; or 0."""
-        along = mat_track[..., 0]
-        if not (complete and self._complete and self.model.disturbance):
-            self._acceleration = None
-            return np.zeros(self.vec_v.shape)
-        before, now = self._acceleration, ((reference - self._reference) * along).sum(-1) / self.dt
-        self._acceleration = now
-        change = now - before if before is not None else np.zeros_like(now)
-        change = np.where(np.abs(change) > 3 * np.sqrt(6 * mat_r[0, 0]) / self.dt, change, 0.0)
-        return change[..., None] * transformed(self._mat.swapaxes(-1, -2), along)
-
-    def _noise(self, thrust: Array) -> Array:
+    def _noise(self) -> Array:
         """Return Q, shape (..., 12, 12)."""
         model, dt = self.model, self.dt
         self._age += dt
@@ -330,17 +371,6 @@ class TransferFilter:
             2 * self._age - dt) * dt * model.drift_sd**2) * EYE
         mat_q[..., VEL, VEL] = (dt * model.push_sd**2 + push) * EYE
         self._doubt = np.zeros(2)
-        if model.disturbance and self.launched:
-            self._stir = model.disturbance.memory * self._stir + self._fresh
-            cov = self._stir + _square(thrust) + _square(self._relaxed)
-            if self._onset:
-                cov = cov + model.disturbance.onset**2 * self._fresh
-            fading = self._entering(cov)
-            if self._onset:  # several samples, of which only the last is that of the state
-                fading[..., VEL, VEL] *= 2
-            mat_q += fading
-            self._spread = np.trace(fading[..., VEL, VEL], axis1=-2, axis2=-1)
-            self._fresh, self._onset = np.zeros(self._fresh.shape), False
         return mat_q
 
     def _entering(self, cov: Array) -> Array:
@@ -382,9 +412,10 @@ def _square(vec: Array) -> Array:
 
 
 def _beyond(vec: Array, limit: float) -> Array:
-    """Return v v', shape (..., 3, 3), of what is left of v once noise is taken from it."""
-    left = np.sign(vec) * np.sqrt(np.maximum(vec * vec - limit * limit, 0))
-    return _square(left)
+    """Return v v', shape (..., 3, 3), where v is larger than noise; else 0."""
+    square = _square(vec)
+    size = np.trace(square, axis1=-2, axis2=-1)[..., None, None]
+    return np.where(size > limit * limit, square, 0.0)
 
 
 def reference_velocity(mat: Array, rate: Array, velocity: Array, arm: Array, along: Array,
