@@ -29,6 +29,7 @@ from deck_motion_ros.geometry import matrix_from_rpy, rotation_matrix
 
 EARTH, DT, THRUST = Earth(radians(40.0)), 0.01, 19.6
 PLAIN = TransferModel(bias_sd=1e-3, drift_sd=0.0, turn_sd=0.0, push_sd=0.0)
+SHAKEN = replace(PLAIN, push_sd=2e-4, disturbance=Disturbance())
 FADING = StrongTracking((0.0,) * 3 + (1.0,) * 3)
 PRIOR = (radians(0.2), radians(0.3), radians(0.5))
 MAT_R = np.diag(np.square([0.01, 0.02, 0.05]))
@@ -118,8 +119,7 @@ def test_errors_beside_the_navigator_and_taken_out_of_it_agree_for_small_ones(fe
 
 def test_many_runs_at_once_are_each_alone():
     rng = np.random.default_rng(3)
-    model = replace(PLAIN, disturbance=Disturbance())
-    many, alone = begun(model, runs=(3,)), [begun(model) for _ in range(3)]
+    many, alone = begun(SHAKEN, runs=(3,)), [begun(SHAKEN) for _ in range(3)]
     for k in range(80):
         if k == 30:
             for transfer in (many, *alone):
@@ -169,20 +169,54 @@ def test_fading_of_velocity_forgets_a_push_and_that_of_all_states_diverges():
     assert worst['all'] > 10 * worst['none']
 
 
-def test_a_disturbance_is_forgotten_along_its_direction_alone():
+def launched(steps, shake=None):
+    """Return a filter that has stood for two seconds and been launched."""
+    transfer, rng = begun(SHAKEN), np.random.default_rng(8)
+    fed(transfer, 200, 0.0, rng=rng)
+    transfer.launch()
+    fed(transfer, steps, THRUST, shake=shake, rng=rng)
+    return transfer
+
+
+@pytest.mark.parametrize('direction', [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0),
+                                       (-1.0, 1.0, 0.5)])
+def test_a_disturbance_is_forgotten_along_its_direction_alone(direction):
     """The plane across the shaking keeps what it knew."""
-    model = replace(PLAIN, push_sd=2e-4, disturbance=Disturbance())
-    shaken, quiet = begun(model), begun(model)
-    for transfer in (shaken, quiet):
-        fed(transfer, 200, 0.0)
-        transfer.launch()
-    fed(shaken, 40, THRUST,
-        shake=lambda k: np.array([20.0, 0, 0]) * np.exp(-k * DT / 0.1))
-    fed(quiet, 40, THRUST)
-    sd = {name: np.sqrt(np.diagonal(transfer.cov)[VEL]) for name, transfer in (
-        ('shaken', shaken), ('quiet', quiet))}
-    np.testing.assert_allclose(sd['shaken'][1:], sd['quiet'][1:], rtol=0.02)
+    shaken = launched(40, lambda k: 20.0 * np.array(direction) * np.exp(-k * DT / 0.1))
+    quiet = launched(40)
+    _, _, vectors = np.linalg.svd([direction])
+    along, *across = (
+        np.sqrt([vec @ transfer.cov[VEL, VEL] @ vec for transfer in (shaken, quiet)])
+        for vec in vectors)
+    assert along[0] > 1.5 * along[1]
+    for sd in across:
+        assert sd[0] < 1.3 * sd[1]
     assert abs(shaken.mat[0, 2]) < 3 * np.sqrt(shaken.cov[1, 1])
+
+
+@pytest.mark.parametrize('direction', [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (-1.0, 1.0, 0.5)])
+def test_what_the_thrust_hides_goes_with_what_shows_across_the_track(direction):
+    def shake(k):
+        return 20.0 * np.array(direction) * np.exp(-k * DT / 0.1)
+
+    transfer = launched(3, shake)
+    np.testing.assert_allclose(transfer.disturbance, shake(3), atol=0.05)
+
+
+def test_a_shaking_along_the_track_alone_stays_in_doubt():
+    transfer = launched(3, lambda k: np.array([20.0 * np.exp(-k * DT / 0.1), 0.0, 0.0]))
+    error = transfer.disturbance[0] - 20.0 * np.exp(-0.3)
+    assert 1.0 < np.sqrt(transfer.cov[9, 9]) and abs(error) < 3 * np.sqrt(transfer.cov[9, 9])
+
+
+def test_a_push_that_no_change_of_the_force_shows_is_still_a_surprise():
+    def push(k):  # 0.44 m/s
+        return np.array([0.0, 0.0, 0.5 * np.exp(-((k * DT - 1) / 0.5)**2)])
+
+    transfer, plain = launched(300, push), begun(PLAIN)
+    fed(plain, 200, 0.0)
+    fed(plain, 300, THRUST, shake=push)
+    assert abs(transfer.mat[0, 2]) < abs(plain.mat[0, 2]) / 6
 
 
 def test_without_velocimeter_speed_along_the_track_stays_unknown():

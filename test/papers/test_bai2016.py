@@ -71,6 +71,44 @@ def test_the_default_filter_is_near_its_bound_and_honest(outcome, name):
     assert 0.7 < found.nees < 1.3
 
 
+@pytest.mark.parametrize('name', ['0', '5', '20', 'skew_0', 'skew_20'])
+def test_so_it_is_where_little_is_known_of_the_motion_across_the_track(outcome, name):
+    found, bound = outcome(f'default_track_{name}'), outcome('plain_track_0')
+    assert np.all(found.rms < 1.15 * bound.rms)
+    assert np.all(found.rms < (0.82, 0.34, 0.51))
+    assert np.all(found.sd < (0.82, 0.35, 0.51))
+    assert 0.7 < found.nees < 1.3
+
+
+def test_whoever_does_not_know_how_much_it_is_shaken_loses_a_line_not_a_plane(outcome):
+    known, line, plane = (outcome(name).rms[1] for name in (
+        'plain_track_0', 'lost_line_track', 'lost_plane_track'))
+    assert line < 1.02 * known and 1.1 * known < plane
+    assert outcome('default_track_20').rms[1] < plane
+
+
+@pytest.mark.parametrize('change', [
+    {'vibration_lag_deg': (0.0, 0.0, 90.0)}, {'vibration_direction': (1.0, 0.0, 0.0)},
+    {'vibration_direction': (0.3, 1.0, -0.5)}, {'ramp': 0.5, 'skew': 0.005}, {'skew': -0.01},
+    {'hull': 'patrol', 'deck': 'sea'}], ids=str)
+def test_it_is_honest_of_other_launches(change):
+    case = CASES['default_track_20']
+    assert_honest(replace(case, simulated=replace(case.simulated, **change)), SCENARIO)
+
+
+@pytest.mark.parametrize('frequency', [3.0, 100.0])
+def test_it_is_honest_of_slow_shaking_and_of_the_papers(frequency):
+    """At 100 Hz the samples see a push of one sign that only decays."""
+    assert_honest(CASES['default_track_20'], replace(
+        SCENARIO, lowest=frequency, highest=frequency))
+
+
+def assert_honest(case, scenario):
+    found = monte_carlo(case, scenario.runs, 5, scenario)
+    assert np.all(found.rms < 1.3 * found.sd)
+    assert 0.7 < found.nees < 1.3
+
+
 def test_the_bound_is_that_of_the_covariance_analysis(outcome):
     """The undisturbed filter: bias of 112 ug over five times g^2, and velocity noise."""
     bound = outcome('plain_0')
