@@ -55,22 +55,22 @@ BAGS = {
             range_dropout=0.05, lost_anchor='anchor_3', lost_time=22.0, outage_start=12.0,
             outage_duration=3.0, survey_sd=0.02, approach_time=10.0, hold_time=10.0,
             descent_time=10.0, dropout=(0.02, 0.0)), (0.0, 0.0)),
-    'launch_202611A': (
+    'launch_202611B': (
         'alignment', CatapultSimulatorConfig(
             seed=202611, deck='steady', hold=2.0, duration=5.3, vibration=20.0,
             vibration_frequency=97.0, sampling='points'), (0.0, 0.0)),
     'launch_quiet_202611A': (
         'alignment', CatapultSimulatorConfig(
             seed=2611, rate=50.0, deck='steady', hold=2.0, duration=5.3), (0.0, 0.0)),
-    'launch_cold_202611A': (
+    'launch_cold_202611B': (
         'alignment', CatapultSimulatorConfig(
             seed=2612, rate=50.0, deck='steady', hold=0.0, duration=3.3, vibration=20.0),
         (0.0, 0.0)),
-    'launch_rolling_202611A': (
+    'launch_rolling_202611B': (
         'alignment', CatapultSimulatorConfig(
             seed=2613, rate=50.0, hull='patrol', hold=3.0, duration=6.3, vibration=10.0,
             lever_arm=(12.0, 5.0, 3.0), track_rpy_deg=(0.0, 0.0, 4.0)), (0.0, 0.0)),
-    'launch_skewed_202611A': (
+    'launch_skewed_202611B': (
         'alignment', CatapultSimulatorConfig(
             seed=2614, rate=100.0, deck='steady', hold=1.0, duration=4.3, vibration=20.0,
             skew=0.005, master_every=2, ldv_every=2, ldv_dropout=(0.4, 0.7)), (0.0, 0.0)),

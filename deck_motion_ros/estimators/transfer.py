@@ -35,6 +35,7 @@ PHI, VEL, BIAS, DIST = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 ALL, ACROSS = slice(0, 3), slice(1, 3)  # what the reference gives in track axes
 IDENTITY = np.eye(STATES)
 NOISE = 5.0  # sd of a change of the force that is taken for noise
+CHANGE = 0.009  # s: least time over which the force changes
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Disturbance:
 
     At first the thrust hides it, but along the track alone. So for a moment, in which the ship
     has hardly moved, it is what the force across the track shows beyond the force before the
-    launch, and along the track what goes with that in the changes from sample to sample.
+    launch, and along the track what goes with that where the force changes.
 
     From then on the disturbance relaxes, and is stirred: by as much as the measured force changes,
     in the direction in which it changes; by as much as it relaxes, for that is a guess; and
@@ -165,11 +166,12 @@ class TransferFilter:
         self.innovation = np.zeros_like(vec_v)
         self.size = self.factor = np.ones(vec_v.shape[:-1])
         self.dt = self._age = 0.0  # s since the last step, since the first
-        self._stroke = 0.0  # s since the launch
+        self._stroke = self._compared = 0.0  # s from the launch to now, to the earlier force
         self._complete = True
         self._before: Increments | None = None
-        self._force = transformed(mat.swapaxes(-1, -2), -earth.gravity)  # newest, in the body
-        self._calm = np.zeros(vec_v.shape)  # force before the launch, in the body
+        # newest, in the body, and what it was before the launch and a moment ago
+        self._force = transformed(mat.swapaxes(-1, -2), -earth.gravity)
+        self._calm = self._earlier = self._force
         self._stir, self._fresh = np.zeros((2, *vec_v.shape, 3))
         self._left = 0.0  # of the disturbance after this step
         self._spread = np.zeros(vec_v.shape[:-1])  # of the velocity, from the fading of this step
@@ -205,12 +207,14 @@ class TransferFilter:
         now = Increments(rate * dt, (force - self.bias) * dt)
         self._mat, self.vec_v = advanced(self._mat, self.vec_v, now, self._before or now, dt,
                                         self._earth)
-        if self.launched:
-            if self._stroke:
-                self._fresh = self._fresh + _beyond(
-                    force - self._force, NOISE * sqrt(2 / dt) * self.model.push_sd)
-            self._stroke += dt
         self._before, self._force = now, force
+        if self.launched:
+            self._stroke += dt
+            if self._stroke - self._compared > CHANGE:
+                if self._compared:
+                    self._fresh = self._fresh + _beyond(
+                        force - self._earlier, NOISE * sqrt(2 / dt) * self.model.push_sd)
+                self._earlier, self._compared = force, self._stroke
         self._push = self._push + dt * force
         self.dt += dt
 
@@ -294,7 +298,8 @@ class TransferFilter:
             return np.zeros(self.cov.shape)
         self._stir = model.memory * self._stir + self._fresh
         self._fresh = np.zeros(self._stir.shape)
-        if self._stroke < model.shown:
+        first = self._stroke <= dt
+        if first or self._stroke < model.shown:
             self._left = 0.0
             gain, cov, thrust = self._shown(model, along)
             left = transformed(gain, self._force - self._calm)
@@ -302,7 +307,7 @@ class TransferFilter:
             fading = self._entering(cov)
             # its errors at these steps are one and the same
             fading[..., VEL, VEL] *= max(2 * self._stroke / dt - 1, 1.0)
-            if self._stroke <= dt:  # the first step
+            if first:
                 fading[..., VEL, VEL] += model.late**2 * _square(transformed(self._mat, thrust))
         else:
             self._left = exp(-dt / model.relaxation)
