@@ -30,6 +30,14 @@ FORGOTTEN = 10.0  # m/s
 AXES = {'pitch': 1, 'roll': 0, 'heading': 2}  # about left, forward, up
 LOST = {  # along the shaking of the experiment; in the plane of shaking and thrust
     'line': ((1.0, 0.0, 1.0),), 'plane': ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))}
+OTHERS: dict[str, dict[str, Any]] = {  # than the launches of the experiment
+    'along': {'vibration_direction': (1.0, 0.0, 0.0)},
+    'upward': {'vibration_direction': (0.0, 0.0, 1.0)},
+    'aside': {'vibration_direction': (0.3, 1.0, -0.5)},
+    'oblique': {'vibration_direction': (1.0, 0.02, 1.0)},
+    'turning': {'vibration_lag_deg': (0.0, 0.0, 90.0)},
+    'ramp': {'ramp': 0.5, 'skew': 0.005}, 'early': {'skew': -0.01},
+    'sea': {'deck': 'sea', 'hull': 'patrol'}}
 UNOBSERVABLE = np.array([2.0, 0.0, 1.0]) / np.sqrt(5)  # along the force of a stroke of 2 g
 PRINTED = {  # Table 1, absolute
     'kalman': {'pitch': (1.83, 3.63, 7.25), 'roll': (0.46, 0.45, 0.45),
@@ -221,7 +229,10 @@ def cases(scenario: Bai2016Scenario) -> dict[str, Case]:
                       for hold in (0.0, 1.0, 5.0)}
     strongest = replace(at_once, vibration=scenario.amplitudes[-1])
     wide = replace(launch, track_lateral_sd=0.02, track_vertical_sd=0.05)
+    top = replace(wide, vibration=scenario.amplitudes[-1])
     return found | {
+        **{f'other_{name}': Case(replace(top, **change), default)
+           for name, change in OTHERS.items()},
         **{f'lost_{name}{track}': Case(simulated, plain, lost=lost)
            for name, lost in LOST.items()
            for track, simulated in (('', launch), ('_track', wide))},
@@ -329,6 +340,12 @@ def _default(scenario: Bai2016Scenario, found: Mapping[str, Outcome]) -> Iterato
                            floor=bounds[''].sd[index])
                 yield _row(f'{name}_{axis}_{shaken}_ratio',
                            outcome.rms[index] / usual.rms[index], '')
+    for name in OTHERS:
+        outcome = found[f'other_{name}']
+        for axis, index in AXES.items():
+            yield _row(f'other_{name}_{axis}_{top}', outcome.rms[index],
+                       floor=bounds['_track'].sd[index])
+            yield _row(f'other_{name}_{axis}_{top}_sd', outcome.sd[index])
     for name in ('plain', 'increments_plain'):
         yield _row(f'{name}_pitch_{top}', found[f'{name}_{top}'].rms[1], floor=bounds[''].sd[1])
     for size in scenario.amplitudes:
