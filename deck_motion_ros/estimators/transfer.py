@@ -305,7 +305,7 @@ class TransferFilter:
             left = transformed(gain, self._force - self._calm)
             push = transformed(gain, self._push - dt * self._calm)
             fading = self._entering(cov)
-            # its errors at these steps are one and the same
+            # one error at all these steps
             fading[..., VEL, VEL] *= max(2 * self._stroke / dt - 1, 1.0)
             if first:
                 fading[..., VEL, VEL] += model.late**2 * _square(transformed(self._mat, thrust))
@@ -321,16 +321,9 @@ class TransferFilter:
 
     def _shown(self, model: Disturbance, along: Array) -> tuple[Array, Array, Array]:
         """
-        Return how the force beyond the calm one shows the disturbance.
+        Return disturbance by force beyond the calm one, its covariance, and the thrust.
 
-        Returns
-        -------
-        gain, cov : ndarray, shape (..., 3, 3)
-            Disturbance by force, and the covariance of its error: what the changes are, enlarged
-            to the size of the force across the track, once that is measured.
-        thrust : ndarray, shape (..., 3)
-            Along the track.
-
+        It is as the force changes, but as large as across the track, where it is measured.
         """
         along = transformed(self._mat.swapaxes(-1, -2), along)
         across = EYE - _square(along)
