@@ -66,6 +66,10 @@ def parser() -> argparse.ArgumentParser:
         sub.set_defaults(act=act)
         return sub
 
+    def remappable(sub: argparse.ArgumentParser) -> None:
+        sub.add_argument('--remap', action='append', default=[], metavar='OLD:=NEW',
+                         help="another name for one of the contract's topics; repeatable")
+
     sub = command('demo', _demo, 'run a simulated ship, the predictor and the recorder on ROS 2')
     sub.add_argument('--duration', type=float, default=60.0, metavar='S',
                      help='seconds of ship, in real time (default 60)')
@@ -80,8 +84,7 @@ def parser() -> argparse.ArgumentParser:
     sub.add_argument('--params-file', type=Path, metavar='F', help='ROS 2 parameter file')
     sub.add_argument('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
                      help='one parameter, after the file; repeatable')
-    sub.add_argument('--remap', action='append', default=[], metavar='OLD:=NEW',
-                     help="another name for one of the node's topics; repeatable")
+    remappable(sub)
     sub.add_argument('--namespace', default='/', metavar='NS', help='namespace of the node')
 
     sub = command('import', _import, 'make a bag of a CSV file or a raw NMEA log')
@@ -103,6 +106,7 @@ def parser() -> argparse.ArgumentParser:
     sub.add_argument('--warm-up', type=float, metavar='S',
                      help='seconds at the start that are not scored (default: 120, or 20 of a '
                      'record below 5 minutes)')
+    remappable(sub)
     sub.add_argument('--namespace', metavar='NS', help='of the ship, if the bag holds several')
 
     sub = command('papers', _papers, "run the papers' experiments beside their figures")
@@ -174,7 +178,8 @@ def _report(arguments: argparse.Namespace) -> int:
     lever_arm = arguments.lever_arm and tuple(arguments.lever_arm)
     with console.status('drawing'):
         headline = write_report(arguments.bag, arguments.output, lever_arm=lever_arm,
-                                warm_up=arguments.warm_up, namespace=arguments.namespace)
+                                warm_up=arguments.warm_up, namespace=arguments.namespace,
+                                remap=arguments.remap)
     for sentence in headline:
         console.print(sentence, markup=False)
     console.print(f'{arguments.output}')
