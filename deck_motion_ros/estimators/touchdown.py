@@ -295,7 +295,8 @@ class TouchdownPredictor:
 
     """
 
-    PATIENCE = 10  # intervals (1 s at least) without a shared stamp: then nobody waits for one
+    PATIENCE = 10  # intervals without a shared stamp (1 s at least): then nobody waits for one;
+    # and with older stamps alone (10 s at least): then the clock was set back
 
     def __init__(self, config: PredictorConfig,
                  profile: Mapping[str, Array] | None = None) -> None:
@@ -319,6 +320,7 @@ class TouchdownPredictor:
         self._axis_newest = [-inf, -inf, -inf]
         self._origin = 0
         self.newest: int | None = None
+        self._behind = 0  # ns of samples older than that, since one was not
         self._waits = False  # the output for the newest stamp is due, but another stream may come
         self._shared: int | None = None  # newest stamp that two streams had in common
 
@@ -336,7 +338,7 @@ class TouchdownPredictor:
         stream = self._streams.get(type(sample))
         if stream is None:
             stream = self._streams[type(sample)] = _Stream()
-        if stream.admit(sample.stamp, self.newest):
+        if stream.admit(sample.stamp, self.newest) or self._is_set_back(sample.stamp, stream):
             self._start()
             self.restarts += 1
             self._streams[type(sample)] = stream
@@ -361,6 +363,15 @@ class TouchdownPredictor:
         if sample.stamp == self.newest and self._is_ready(sample, stream):
             made.append(self._predict())
         return made
+
+    def _is_set_back(self, stamp: int, stream: _Stream) -> bool:
+        """Say whether all that comes has been older than the newest for long: a clock set back."""
+        if self.newest is None or stamp >= self.newest:
+            self._behind = 0
+            return False
+        self._behind += stream.interval
+        intervals = (other.interval for other in self._streams.values())
+        return self._behind > self.PATIENCE * max(NANOSECONDS, *intervals)
 
     def _measured(self, sample: Sample) -> tuple[list[tuple[int, float, float]], float | None]:
         """Turn a sample into (axis, value, variance) and yaw, or reject it."""
@@ -421,20 +432,16 @@ def _plausible(heave: float) -> float:
     return heave
 
 
-class _Stream:
+class _Stream(StampGate):
     """One topic's stamps: its gate, and how far apart they are."""
 
     def __init__(self) -> None:
-        self._gate = StampGate()
+        super().__init__()
         self.interval = self._shortest = 0
 
-    @property
-    def newest(self) -> int | None:
-        return self._gate.newest
-
-    def admit(self, stamp: int, others: int | None) -> bool:
-        before = self._gate.newest
-        restarted = self._gate.admit(stamp, others)
+    def admit(self, stamp: int, others: int | None = None) -> bool:
+        before = self.newest
+        restarted = super().admit(stamp, others)
         self.interval = 0 if restarted or before is None else stamp - before
         self._shortest = min(self._shortest or self.interval, self.interval)
         return restarted
