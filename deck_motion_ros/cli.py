@@ -59,12 +59,17 @@ def parser() -> argparse.ArgumentParser:
         prog='deck_motion', description='Know where the deck will be: forecasts of the height '
         'of a touchdown point on a moving ship.')
     top.add_argument('--version', action='version', version=__version__)
-    commands = top.add_subparsers(metavar='COMMAND', required=True)
+    top.set_defaults(act=lambda arguments: top.print_help())
+    commands = top.add_subparsers(metavar='COMMAND')
 
     def command(name: str, act: Any, text: str) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + '.')
         sub.set_defaults(act=act)
         return sub
+
+    def remappable(sub: argparse.ArgumentParser) -> None:
+        sub.add_argument('--remap', action='append', default=[], metavar='OLD:=NEW',
+                         help="another name for one of the contract's topics; repeatable")
 
     sub = command('demo', _demo, 'run a simulated ship, the predictor and the recorder on ROS 2')
     sub.add_argument('--duration', type=float, default=60.0, metavar='S',
@@ -75,26 +80,26 @@ def parser() -> argparse.ArgumentParser:
     sub = command('replay', _replay, 'run a node over a recorded bag, without ROS')
     sub.add_argument('in_bag', type=Path, metavar='IN_BAG', help='bag to read')
     sub.add_argument('out_bag', type=Path, metavar='OUT_BAG',
-                     help='bag to write: the inputs and what the node says; must not exist')
+                     help='bag to write, must not exist: the inputs and what the node says')
     sub.add_argument('--node', required=True, choices=_nodes(), help='which node')
     sub.add_argument('--params-file', type=Path, metavar='F', help='ROS 2 parameter file')
     sub.add_argument('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
                      help='one parameter, after the file; repeatable')
-    sub.add_argument('--remap', action='append', default=[], metavar='OLD:=NEW',
-                     help="another name for one of the node's topics; repeatable")
-    sub.add_argument('--namespace', default='/', metavar='NS', help='namespace of the node')
+    remappable(sub)
+    sub.add_argument('--namespace', default='/', metavar='NS',
+                     help='of the node and its topics (default: /)')
 
     sub = command('import', _import, 'make a bag of a CSV file or a raw NMEA log')
     sub.add_argument('file', type=Path, metavar='FILE', help='CSV file or NMEA 0183 log')
-    sub.add_argument('out_bag', type=Path, metavar='OUT_BAG', help='bag to write')
+    sub.add_argument('out_bag', type=Path, metavar='OUT_BAG', help='bag to write, must not exist')
     sub.add_argument('--time-column', default='', metavar='NAME',
                      help='CSV column with the seconds (default: t_s)')
 
     sub = command('recover', _recover, 'repair a bag whose recorder was killed')
-    sub.add_argument('bag', type=Path, metavar='BAG')
+    sub.add_argument('bag', type=Path, metavar='BAG', help='bag to repair, in place')
 
     sub = command('report', _report, 'write a bag as one HTML page')
-    sub.add_argument('bag', type=Path, metavar='BAG')
+    sub.add_argument('bag', type=Path, metavar='BAG', help='bag to read')
     sub.add_argument('-o', '--output', type=Path, default=Path('report.html'), metavar='FILE',
                      help='page to write (default report.html)')
     sub.add_argument('--lever-arm', type=float, nargs=3, metavar=('X', 'Y', 'Z'),
@@ -103,6 +108,7 @@ def parser() -> argparse.ArgumentParser:
     sub.add_argument('--warm-up', type=float, metavar='S',
                      help='seconds at the start that are not scored (default: 120, or 20 of a '
                      'record below 5 minutes)')
+    remappable(sub)
     sub.add_argument('--namespace', metavar='NS', help='of the ship, if the bag holds several')
 
     sub = command('papers', _papers, "run the papers' experiments beside their figures")
@@ -112,7 +118,8 @@ def parser() -> argparse.ArgumentParser:
 
     sub = command('bench', _bench, 'measure speed, memory, accuracy against peers')
     sub.add_argument('names', nargs='*', metavar='NAME',
-                     help='which benches (default: all but prediction, which takes minutes)')
+                     help='which benches (default: all but prediction and window, which take '
+                     'minutes)')
     sub.add_argument('--json', type=Path, metavar='FILE', help='write the figures there too')
     return top
 
@@ -174,7 +181,8 @@ def _report(arguments: argparse.Namespace) -> int:
     lever_arm = arguments.lever_arm and tuple(arguments.lever_arm)
     with console.status('drawing'):
         headline = write_report(arguments.bag, arguments.output, lever_arm=lever_arm,
-                                warm_up=arguments.warm_up, namespace=arguments.namespace)
+                                warm_up=arguments.warm_up, namespace=arguments.namespace,
+                                remap=arguments.remap)
     for sentence in headline:
         console.print(sentence, markup=False)
     console.print(f'{arguments.output}')

@@ -202,7 +202,7 @@ def height_above_rest(roll: float, pitch: float, heave: float, lever_arm: Vector
     return (-sin(pitch) * x + cos(pitch) * (sin(roll) * y + cos(roll) * z)) + heave - z
 
 
-def turned_arm(roll: Array, pitch: Array, lever_arm: Vector3) -> tuple[Array, Array, Array]:
+def turned_arm(roll: Array, pitch: Array, lever_arm: Vector3) -> Array:
     """
     Turn a lever arm with the ship and differentiate it, for many attitudes at once.
 
@@ -215,17 +215,18 @@ def turned_arm(roll: Array, pitch: Array, lever_arm: Vector3) -> tuple[Array, Ar
 
     Returns
     -------
-    vec, by_roll, by_pitch : ndarray, shape (..., 3)
-        The arm in level axes along the ship's heading (m) and its derivatives (m/rad).
+    ndarray, shape (3, ..., 3)
+        The arm in level axes along the ship's heading (m), and its derivatives by roll and by
+        pitch (m/rad).
 
     """
     x, y, z = lever_arm
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     across, up = cr * y - sr * z, sr * y + cr * z
-    vec = np.stack([cp * x + sp * up, across, cp * up - sp * x], axis=-1)
-    by_roll = np.stack([sp * across, -up, cp * across], axis=-1)
-    by_pitch = np.stack([vec[..., 2], np.zeros_like(up), -vec[..., 0]], axis=-1)
-    return vec, by_roll, by_pitch
+    ahead, high = cp * x + sp * up, cp * up - sp * x
+    table = np.array([[ahead, across, high], [sp * across, -up, cp * across],
+                      [high, np.zeros_like(up), -ahead]])
+    return table.transpose(0, *range(2, table.ndim), 1)  # moveaxis takes longer than the sines
 
 
 def circular_mean(angles: Array) -> float:

@@ -7,7 +7,8 @@ for a ``float64[]`` and ``types.byte`` what it takes for a ``byte``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from math import inf, isfinite, sqrt
 from typing import Any, Protocol
 
@@ -52,7 +53,7 @@ WINDOW_KEYS = ('seconds', 'probability', 'next_crest_in', 'next_crest_sd', 'next
                'next_trough_sd')
 
 
-class Types(Protocol):
+class Types(Hashable, Protocol):
     """Message classes of rclpy or rosbags."""
 
     def __getitem__(self, name: str) -> Any:
@@ -192,10 +193,16 @@ def _time(types: Types, stamp: int) -> Any:
         sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
 
 
-def _durations(types: Types, forecast: TouchdownForecast) -> list[Any]:
+def _durations(types: Types, forecast: TouchdownForecast) -> tuple[Any, ...]:
+    return _durations_of(types, tuple(forecast.horizons.tolist()))
+
+
+@lru_cache(maxsize=4)
+def _durations_of(types: Types, times: tuple[float, ...]) -> tuple[Any, ...]:
+    """Make the durations, which are the same in every forecast."""
     duration = types['builtin_interfaces/msg/Duration']
-    totals = map(nanoseconds, forecast.horizons.tolist())
-    return [duration(sec=total // NANOSECONDS, nanosec=total % NANOSECONDS) for total in totals]
+    return tuple(duration(sec=total // NANOSECONDS, nanosec=total % NANOSECONDS)
+                 for total in map(nanoseconds, times))
 
 
 def _header(types: Types, stamp: int, frame_id: str) -> Any:
@@ -389,7 +396,7 @@ def forecast_sd_message(types: Types, forecast: TouchdownForecast, frame_id: str
     """Build the ``trajectory_msgs/JointTrajectory`` of a forecast's standard deviations."""
     point_class = types['trajectory_msgs/msg/JointTrajectoryPoint']
     motion, nothing = forecast.motion, types.floats(())
-    columns = [np.column_stack([sd, np.sqrt(cov[:, 0, 0]), np.sqrt(cov[:, 1, 1])]).tolist()
+    columns = [np.column_stack([sd, np.sqrt(cov[:, 0, 0]), np.sqrt(cov[:, 1, 1])])
                for sd, cov in ((forecast.height_sd, motion.cov),
                                (forecast.rate_sd, motion.rate_cov))]
     points = [

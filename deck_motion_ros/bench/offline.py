@@ -101,7 +101,7 @@ def simulator(duration: float = 60.0, rounds: int = 5) -> Iterator[Figure]:
 
 def memory(first: float = 60.0, last: float = 3600.0) -> Iterator[Figure]:
     """
-    Feed the predictor with method ``shaping`` 100 Hz as fast as it takes them; watch its memory.
+    Feed the predictor 100 Hz as fast as it takes them; watch its memory.
 
     The process is this one: run by itself, as ``deck_motion bench`` does.
 
@@ -112,7 +112,7 @@ def memory(first: float = 60.0, last: float = 3600.0) -> Iterator[Figure]:
 
     """
     types = _node_types()
-    pipeline = PredictorPipeline(PredictorConfig(method='shaping'), types, lambda text: None)
+    pipeline = PredictorPipeline(PredictorConfig(), types, lambda text: None)
     resident = []
     for start, end in ((0.0, first), (first, last)):
         feed(pipeline, types, start, end)

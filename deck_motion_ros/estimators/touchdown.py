@@ -178,21 +178,33 @@ class TouchdownPrediction:
         horizon = seconds(self.valid_at - self.issued_at)
         return self._outlook.forecast(self._time, np.append(FORECAST_TIMES, horizon))
 
+    @cached_property
+    def _arm(self) -> Array:
+        """The lever arm turned with ``_motion``."""
+        return self._turned_arm(self._motion)
+
+    def _turned_arm(self, motion: MotionForecast) -> Array:
+        roll, pitch, _ = motion.mean.T
+        return turned_arm(roll, pitch, self._config.lever_arm)
+
     def forecast(self, horizons: Array = FORECAST_TIMES) -> TouchdownForecast:
         """Predict the touchdown point ``horizons`` seconds (shape (n,)) after ``issued_at``."""
-        motion = self._motion.part(slice(-1)) if horizons is FORECAST_TIMES else (
-            self._outlook.forecast(self._time, horizons))
-        roll, pitch, heave = motion.mean.T
-        vec, by_roll, by_pitch = turned_arm(roll, pitch, self._config.lever_arm)
-        gradient = np.stack([by_roll[:, 2], by_pitch[:, 2], np.ones(len(horizons))], axis=-1)
-        up = np.array([0.0, 0.0, 1.0])
+        if horizons is FORECAST_TIMES:
+            motion, arm = self._motion.part(slice(-1)), self._arm[:, :-1]
+        else:
+            motion = self._outlook.forecast(self._time, horizons)
+            arm = self._turned_arm(motion)
+        vec, by_roll, by_pitch = arm
         roll_rate, pitch_rate, heave_rate = motion.rate.T[..., None]
+        position, velocity = vec.copy(), by_roll * roll_rate + by_pitch * pitch_rate
+        position[:, 2:] += motion.mean[:, 2:]
+        velocity[:, 2:] += heave_rate
+        gradient = np.ones((len(horizons), 3))
+        gradient[:, 0], gradient[:, 1] = by_roll[:, 2], by_pitch[:, 2]
         return TouchdownForecast(
             self.issued_at, horizons,
-            vec[:, 2] + heave - self._config.lever_arm[2], _sd_along(gradient, motion.cov),
-            np.einsum('ni,ni->n', gradient, motion.rate), _sd_along(gradient, motion.rate_cov),
-            vec + heave[:, None] * up,
-            by_roll * roll_rate + by_pitch * pitch_rate + heave_rate * up, motion)
+            position[:, 2] - self._config.lever_arm[2], _sd_along(gradient, motion.cov),
+            velocity[:, 2], _sd_along(gradient, motion.rate_cov), position, velocity, motion)
 
     def pose(self) -> TouchdownPose:
         """Predict pose and twist at ``valid_at`` with their covariances."""
@@ -204,29 +216,22 @@ class TouchdownPrediction:
         unmeasured = np.array([self._heading_var, horizontal_var, horizontal_var])
         cov = _block(motion.cov[0], unmeasured)
         rate_cov = _block(motion.rate_cov[0], unmeasured * (2 * pi / 10)**2)
-        vec, jacobian = _position(roll, pitch, heave, self._config.lever_arm)
+        vec, by_roll, by_pitch = self._arm[:, -1]
+        jacobian = np.zeros((6, 6))  # of place and turn, by roll, pitch, heave, yaw, surge, sway
+        jacobian[:3, 0], jacobian[:3, 1] = by_roll, by_pitch
+        jacobian[:3, 3] = -vec[1], vec[0], 0.0
+        jacobian[2, 2] = jacobian[0, 4] = jacobian[1, 5] = 1.0
+        jacobian[3:, [0, 1, 3]] = rate_axes(pitch)
         mat_deck = matrix_from_rpy(roll, pitch, 0.0).T
         to_deck = (mat_deck @ jacobian.reshape(2, 3, 6)).reshape(6, 6)
         return TouchdownPose(
-            self.valid_at, vec, quaternion_from_rpy(roll, pitch, 0.0),
-            jacobian @ cov @ jacobian.T, to_deck[:, :3] @ motion.rate[0],
-            to_deck @ rate_cov @ to_deck.T)
+            self.valid_at, vec + np.array([0.0, 0.0, heave]),
+            quaternion_from_rpy(roll, pitch, 0.0), jacobian @ cov @ jacobian.T,
+            to_deck[:, :3] @ motion.rate[0], to_deck @ rate_cov @ to_deck.T)
 
 
 def _sd_along(gradient: Array, cov: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum('ni,nij,nj->n', gradient, cov, gradient)))
-
-
-def _position(roll: float, pitch: float, heave: float,
-              lever_arm: Vector3) -> tuple[Array, Array]:
-    """Place the point; differentiate place and turn by roll, pitch, heave, yaw, surge, sway."""
-    vec, by_roll, by_pitch = turned_arm(np.array(roll), np.array(pitch), lever_arm)
-    jacobian = np.zeros((6, 6))
-    jacobian[:3, 0], jacobian[:3, 1] = by_roll, by_pitch
-    jacobian[:3, 3] = -vec[1], vec[0], 0.0
-    jacobian[2, 2] = jacobian[0, 4] = jacobian[1, 5] = 1.0
-    jacobian[3:, [0, 1, 3]] = rate_axes(pitch)
-    return vec + np.array([0.0, 0.0, heave]), jacobian
 
 
 def _block(cov: Array, variances: Array) -> Array:
@@ -290,7 +295,8 @@ class TouchdownPredictor:
 
     """
 
-    PATIENCE = 10  # intervals (1 s at least) without a shared stamp: then nobody waits for one
+    PATIENCE = 10  # intervals without a shared stamp (1 s at least): then nobody waits for one;
+    # and with older stamps alone (10 s at least): then the clock was set back
 
     def __init__(self, config: PredictorConfig,
                  profile: Mapping[str, Array] | None = None) -> None:
@@ -314,6 +320,7 @@ class TouchdownPredictor:
         self._axis_newest = [-inf, -inf, -inf]
         self._origin = 0
         self.newest: int | None = None
+        self._behind = 0  # ns of samples older than that, since one was not
         self._waits = False  # the output for the newest stamp is due, but another stream may come
         self._shared: int | None = None  # newest stamp that two streams had in common
 
@@ -331,7 +338,7 @@ class TouchdownPredictor:
         stream = self._streams.get(type(sample))
         if stream is None:
             stream = self._streams[type(sample)] = _Stream()
-        if stream.admit(sample.stamp, self.newest):
+        if stream.admit(sample.stamp, self.newest) or self._is_set_back(sample.stamp, stream):
             self._start()
             self.restarts += 1
             self._streams[type(sample)] = stream
@@ -356,6 +363,15 @@ class TouchdownPredictor:
         if sample.stamp == self.newest and self._is_ready(sample, stream):
             made.append(self._predict())
         return made
+
+    def _is_set_back(self, stamp: int, stream: _Stream) -> bool:
+        """Say whether all that comes has been older than the newest for long: a clock set back."""
+        if self.newest is None or stamp >= self.newest:
+            self._behind = 0
+            return False
+        self._behind += stream.interval
+        intervals = (other.interval for other in self._streams.values())
+        return self._behind > self.PATIENCE * max(NANOSECONDS, *intervals)
 
     def _measured(self, sample: Sample) -> tuple[list[tuple[int, float, float]], float | None]:
         """Turn a sample into (axis, value, variance) and yaw, or reject it."""
@@ -416,20 +432,16 @@ def _plausible(heave: float) -> float:
     return heave
 
 
-class _Stream:
+class _Stream(StampGate):
     """One topic's stamps: its gate, and how far apart they are."""
 
     def __init__(self) -> None:
-        self._gate = StampGate()
+        super().__init__()
         self.interval = self._shortest = 0
 
-    @property
-    def newest(self) -> int | None:
-        return self._gate.newest
-
-    def admit(self, stamp: int, others: int | None) -> bool:
-        before = self._gate.newest
-        restarted = self._gate.admit(stamp, others)
+    def admit(self, stamp: int, others: int | None = None) -> bool:
+        before = self.newest
+        restarted = super().admit(stamp, others)
         self.interval = 0 if restarted or before is None else stamp - before
         self._shortest = min(self._shortest or self.interval, self.interval)
         return restarted

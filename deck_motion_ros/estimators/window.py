@@ -168,8 +168,8 @@ def quiet_probability(forecast: TouchdownForecast, limits: Limits, duration: flo
     """
     Probability that the deck stays within limits throughout a window.
 
-    It is the share of ``PATHS`` possible courses, forecast plus error, that do. The errors of
-    height, roll and pitch count as independent of each other.
+    It is the share of possible courses, forecast plus or minus one of ``PAIRS`` errors, that do.
+    The errors of height, roll and pitch count as independent of each other.
 
     Parameters
     ----------
@@ -192,13 +192,14 @@ def quiet_probability(forecast: TouchdownForecast, limits: Limits, duration: flo
     rate_sd = np.column_stack([forecast.rate_sd, _sd(motion.rate_cov)])
     error, rate_error = possible_errors(times, sd, rate_sd)
     either = np.array([limits.height, limits.roll, limits.pitch])
-    low, high = ((side * either - mean) / sd for side in (-1, 1))
-    quiet = ((error >= low[..., None]) & (error <= high[..., None])).all(axis=1)
-    quiet &= np.abs(forecast.rate[:, None] + rate_error) <= limits.rate
+    # minus an error is plus it in the mirror: with the forecast upside down
+    low, high = ((side * either - mean * MIRROR) / sd for side in (-1, 1))
+    quiet = ((error >= low[..., None]) & (error <= high[..., None])).all(axis=2)
+    quiet &= np.abs(forecast.rate[:, None] * MIRROR + rate_error) <= limits.rate
     count = ceil(duration / (times[1] - times[0]) - 1e-9) + 1
-    total = np.zeros((len(times) + 1, PATHS), np.int16)
-    np.cumsum(quiet, axis=0, out=total[1:])
-    return np.asarray((total[count:] - total[:-count] == count).mean(axis=1))
+    total = np.zeros((2, len(times) + 1, PAIRS), np.int16)
+    np.cumsum(quiet, axis=1, out=total[:, 1:])
+    return np.asarray((total[:, count:] - total[:, :-count] == count).mean(axis=(0, 2)))
 
 
 def _sd(cov: Array) -> Array:
@@ -225,9 +226,9 @@ def possible_errors(times: Array, sd: Array, rate_sd: Array) -> tuple[Array, Arr
 
     Returns
     -------
-    u : ndarray, shape (n, 3, PATHS)
-        Of height, roll, pitch.
-    rate : ndarray, shape (n, PATHS)
+    u : ndarray, shape (n, 3, PAIRS)
+        Of height, roll, pitch; as many again are the same with the other sign.
+    rate : ndarray, shape (n, PAIRS)
         Of the height's error e (m/s).
 
     """
@@ -242,7 +243,8 @@ def possible_errors(times: Array, sd: Array, rate_sd: Array) -> tuple[Array, Arr
 
 
 LEAST = 1e-9  # m, rad: no sd is smaller
-PATHS = 256
+PAIRS = 128  # of courses of opposite sign
+MIRROR = np.array([1.0, -1.0])[:, None, None]
 BAND = 0.06
 PERIOD = 10 * pi  # of the phase, after which the unit paths repeat
 SPACING = PERIOD / 640
@@ -252,22 +254,22 @@ def _unit_paths() -> tuple[Array, Array]:
     """
     Make the unit paths, which are the same for ever.
 
-    They come in pairs of opposite sign, and their coefficients are orthogonal: the mean over all
-    paths is 0 and their covariance exactly the one of the band.
+    With those of opposite sign the mean over all paths is 0, and as the coefficients are
+    orthogonal, their covariance exactly the one of the band.
 
     Returns
     -------
-    value : ndarray, shape (phases, 3, PATHS)
-    rate : ndarray, shape (phases, PATHS)
+    value : ndarray, shape (phases, 3, PAIRS)
+    rate : ndarray, shape (phases, PAIRS)
         Of the first of the three, by the phase.
 
     """
     tone = 2 * pi / PERIOD * np.arange(1, 10)
     power = np.exp(-np.square(tone - np.sqrt(1 - BAND)) / (2 * BAND))
     size = np.tile(np.sqrt(power / power.sum()), 2)
-    draws = np.random.RandomState(1).standard_normal((PATHS // 2, 3 * len(size)))
-    half = np.sqrt(PATHS // 2) * np.linalg.qr(draws)[0].T.reshape(3, len(size), -1)
-    weights = size[:, None] * np.concatenate([half, -half], axis=2)
+    draws = np.random.RandomState(1).standard_normal((PAIRS, 3 * len(size)))
+    unit = np.sqrt(PAIRS) * np.linalg.qr(draws)[0].T.reshape(3, len(size), -1)
+    weights = size[:, None] * unit
     angle = np.outer(np.arange(round(PERIOD / SPACING)) * SPACING, tone)
     cos, sin = np.cos(angle), np.sin(angle)
     value = np.hstack([cos, sin]) @ weights

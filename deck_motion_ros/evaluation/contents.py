@@ -184,7 +184,8 @@ def _namespace(names: list[str], wanted: list[str]) -> str:
         if len(found) == 1:
             return found[0]
         if found:
-            raise ValueError(f"the bag holds the namespaces {', '.join(found)}: choose one")
+            raise ValueError(f"the bag holds the namespaces {', '.join(found)}: "
+                             'choose one with --namespace')
     return '/'
 
 

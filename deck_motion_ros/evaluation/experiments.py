@@ -97,7 +97,8 @@ def li2014(runs: int | None = None) -> list[Row]:
             Row('Li2014', f'{name}_sd', scale * float(np.std(truth[axis])), unit)]
 
     def height(roll: Array, pitch: Array, heave: Array) -> Array:
-        return turned_arm(roll, pitch, case.lever_arm)[0][..., 2] + heave - case.lever_arm[2]
+        arm = turned_arm(roll, pitch, case.lever_arm)[0]
+        return np.asarray(arm[..., 2] + heave - case.lever_arm[2])
 
     came = height(*truth)
     now, then = (height(table['roll_mru'], table['pitch_mru'], table['heave_mru'])

@@ -29,6 +29,8 @@ class PlayerNode(Node):
     def __init__(self, **kwargs):
         super().__init__('player', **kwargs)
         self._config = config = configuration(self, PlayerConfig)
+        if not config.bag:
+            raise ValueError("parameter 'bag' is not set: the folder of the bag to play")
         self._bag = BagReader(config.bag)
         self._outputs = self._publish_topics()
         self._events = schedule(

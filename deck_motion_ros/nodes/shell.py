@@ -31,13 +31,16 @@ def run(node_class: Callable[[], Node], args: list[str] | None = None) -> None:
     """
     Run one node until SIGINT, SIGTERM or its own :class:`Stop`, then end the process.
 
-    Status 0 after a clean end, 2 after wrong parameters (one line says which). A signal never
-    breaks into a callback: the node ends between two.
+    Status 0 after a clean end, 2 after wrong arguments or parameters (one line says which). A
+    signal never breaks into a callback: the node ends between two.
     """
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: ended.append(number))
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # followed by places in the sources of rcl
+        sys.exit(_said(Stop(f'error: ROS arguments: {error}'.partition(', at /')[0], 2)))
     node, status = None, 0
     try:
         node = node_class()

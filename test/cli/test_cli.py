@@ -43,6 +43,20 @@ def test_import_replay_report(tmp_path, capfd):
     assert '-35.0, 0.0, 0.0' in (tmp_path / 'page.html').read_text().replace('\u2212', '-')
 
 
+def test_replay_and_report_under_other_names(tmp_path, capfd):
+    """What a replay with two rules writes, a report with the same rules reads."""
+    run(capfd, 'import', write_csv(tmp_path / 'ship.csv'), tmp_path / 'bag')
+    out = tmp_path / 'out'
+    rules = '--remap', 'touchdown/height:=/deck', '--remap', 'touchdown/forecast:=ahead'
+    run(capfd, 'replay', tmp_path / 'bag', out, '--node', 'predictor', *rules)
+    status, found, _ = run(capfd, 'report', out, '-o', tmp_path / 'page.html', *rules)
+    assert status == 0 and 'forecast with an error of' in found
+    status, found, _ = run(capfd, 'report', out, '-o', tmp_path / 'page.html')
+    assert status == 0 and 'forecast with an error of' not in found
+    status, _, err = run(capfd, 'report', out, '--remap', 'height')
+    assert status == 2 and "'height' is no remapping" in err
+
+
 def test_papers_json(tmp_path, capfd):
     status, out, _ = run(capfd, 'papers', 'Li2014', '--runs', '20', '--json', tmp_path / 'f.json')
     assert status == 0 and 'touchdown_rmse_3s' in out

@@ -250,6 +250,26 @@ def test_a_clock_set_anew_for_good_is_followed(jump, kinds):
     assert len(tail) >= 95 and tail[-1] == after[-1][1]
 
 
+@pytest.mark.parametrize('before, after', [
+    ([ODOMETRY], [IMU]), ([ODOMETRY], [IMU, HEAVE]), ([HEAVE], [IMU]), ([IMU], [HEAVE])])
+@pytest.mark.parametrize('jump', [30 * NANOSECONDS, HOUR])
+def test_a_topic_that_first_comes_after_the_clock_was_set_back_is_believed(before, after, jump):
+    """Its own gate knows no older stamp: that nothing newer comes any more is what tells."""
+    predictor = TouchdownPredictor(PredictorConfig())
+    answers = fed(grid(before, 10, 400, jump) + grid(after, 10, 300), predictor)
+    assert predictor.restarts == 1
+    assert len(set(stamps(answers[400:]))) >= 195
+
+
+def test_a_topic_that_lags_is_no_clock_set_back():
+    predictor = TouchdownPredictor(PredictorConfig())
+    messages = [(kind, round(k * NANOSECONDS / 100) + lag) for k in range(6000)
+                for kind, every, lag in ((HEAVE, 100, 0), (IMU, 1, -2 * NANOSECONDS))
+                if k % every == 0]
+    fed(messages, predictor)
+    assert predictor.restarts == 0
+
+
 def test_a_gap_of_half_a_minute_is_no_restart():
     predictor = TouchdownPredictor(PredictorConfig())
     messages = grid([IMU, HEAVE], 10, 100) + grid([IMU, HEAVE], 10, 100, 40 * NANOSECONDS)

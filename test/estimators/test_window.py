@@ -13,7 +13,7 @@ from deck_motion_ros.estimators.window import (
     Limits,
     Lookout,
     next_crest,
-    PATHS,
+    PAIRS,
     possible_errors,
     PRESETS,
     quiet_probability,
@@ -125,7 +125,8 @@ def test_errors_are_gaussian_of_the_stated_size_and_rate():
     fine = np.linspace(0.0, 10.0, 2001)
     u, error_rate = possible_errors(fine, *(np.column_stack([
         np.interp(fine, TIMES, column) for column in table.T]) for table in (sd, rate_sd)))
-    assert u.shape == (2001, 3, PATHS)
+    assert u.shape == (2001, 3, PAIRS)
+    u, error_rate = np.concatenate([u, -u], axis=2), np.hstack([error_rate, -error_rate])
     assert u.mean(axis=2) == pytest.approx(np.zeros((2001, 3)), abs=1e-9)
     assert u.var(axis=2) == pytest.approx(np.ones((2001, 3)), abs=1e-9)
     assert np.mean(np.abs(u) < 1.96) == pytest.approx(0.95, abs=0.01)

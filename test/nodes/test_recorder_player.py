@@ -421,6 +421,13 @@ def test_an_existing_output_is_one_line_and_status_2(tmp_path, start):
     assert (process.returncode, said) == (2, f'error: {tmp_path}: already exists\n')
 
 
+def test_a_player_without_a_bag_is_one_line_and_status_2(start):
+    process = start('player')
+    _, said = process.communicate(timeout=60)
+    assert (process.returncode, said) == (
+        2, "error: parameter 'bag' is not set: the folder of the bag to play\n")
+
+
 def test_the_player_ends_with_status_0(tmp_path, start, ship, spin_until):
     seen = []
     ship.create_subscription(String, 'a', lambda message: seen.append(message.data), RELIABLE)

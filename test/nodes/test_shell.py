@@ -43,6 +43,19 @@ def test_how_a_node_ends(domain_id, init, act, status, out, err):
     assert (done.returncode, done.stdout, done.stderr) == (status, out, err)
 
 
+@pytest.mark.parametrize('arguments, words', [
+    (['--params-file', 'nowhere.yaml'], "'--params-file nowhere.yaml'. Error: Error opening"),
+    (['-p', 'horizon=3.0'], "'-p horizon=3.0'"), (['--unheard'], '--unheard')])
+def test_arguments_that_ros_cannot_read(domain_id, arguments, words):
+    script = SCRIPT.format(init='pass', act='pass')
+    done = subprocess.run([sys.executable, '-c', script, '--ros-args', *arguments], text=True,
+                          capture_output=True,
+                          env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, timeout=60)
+    *_, last = done.stderr.splitlines()  # rcl writes a line of its own
+    assert done.returncode == 2 and not done.stdout
+    assert last.startswith('error: ROS arguments: ') and words in last
+
+
 def test_a_failing_callback_is_not_hidden(domain_id):
     script = SCRIPT.format(init='pass', act="raise ValueError('bug')")
     done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
