@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from math import exp, inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,30 @@ from deck_motion_ros.samples import Array, Vector3
 
 DOUBT_SD = 1.0  # m: of a bias that has just come up
 DOUBT_RATE = 0.3  # m in a second^0.5: how it goes on, as the line of sight to the anchor turns
+
+
+class Innovation(NamedTuple):
+    """
+    What m measurements said that was new.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (m,)
+        Of each: 1 = full, 0 = rejected.
+    standard : ndarray, shape (m,)
+        How far each is off what the others and the prediction say, in standard deviations: the
+        best test for an error of one of them (Baarda).
+    residual : ndarray, shape (k,)
+        Measured minus expected, of those that were not rejected.
+    information : ndarray, shape (k, k)
+        Inverse covariance of that.
+
+    """
+
+    weights: Array
+    standard: Array
+    residual: Array
+    information: Array
 
 
 class JointFilter:
@@ -92,10 +117,11 @@ class JointFilter:
         other.state, other.cov = state[kept], cov[np.ix_(kept, kept)]
         return other
 
-    def bias(self, anchor: int) -> tuple[float, float]:
-        """Return mean and sd of the bias of an anchor in doubt (m)."""
-        row = self._sure + self.doubted.index(anchor)
-        return float(self.state[row]), float(np.sqrt(self.cov[row, row]))
+    def biases(self) -> dict[int, tuple[float, float]]:
+        """Return mean and sd of the bias of each anchor in doubt (m)."""
+        sds = np.sqrt(self.cov.diagonal()[self._sure:])
+        return dict(zip(self.doubted, zip(
+            self.state[self._sure:].tolist(), sds.tolist(), strict=True), strict=True))
 
     def advance(self, dt: float, psd: Array) -> None:
         """
@@ -166,7 +192,7 @@ class JointFilter:
             ranges = ranges + mat_h[:, 9:] @ self.state[9:]
         return ranges, mat_h
 
-    def update(self, residual: Array, mat_h: Array, var: Array) -> tuple[Array, Array]:
+    def update(self, residual: Array, mat_h: Array, var: Array) -> Innovation:
         """
         Use measurements together, each as far as it agrees with the others and the prediction.
 
@@ -179,26 +205,23 @@ class JointFilter:
 
         Returns
         -------
-        weights : ndarray, shape (m,)
-            Of each measurement: 1 = full, 0 = rejected.
-        mat_s : ndarray, shape (m, m)
-            Covariance of what was expected.
+        Innovation
 
         """
         mat_hp = mat_h @ self.cov
-        mat_s = expected = mat_hp @ mat_h.T
+        mat_s = mat_hp @ mat_h.T
+        inverse = np.linalg.inv(mat_s + np.diag(var))
+        standard = inverse @ residual / np.sqrt(inverse.diagonal())
         weights = robust_weights(residual, mat_s, var)
-        used = weights > 0
-        if not used.all():
-            residual, var, mat_hp = residual[used], var[used], mat_hp[used]
-            mat_s = mat_s[np.ix_(used, used)]
-        if len(residual):
-            mat_s = mat_s + np.diag(var / weights[used])
-            gain = np.linalg.solve(mat_s, mat_hp)
-            self.state = self.state + residual @ gain
-            self.cov = self.cov - mat_hp.T @ gain
-            self.cov = (self.cov + self.cov.T) / 2
-        return weights, expected
+        if weights.min() < 1:
+            used = weights > 0
+            residual, mat_hp, mat_s = residual[used], mat_hp[used], mat_s[np.ix_(used, used)]
+            inverse = np.linalg.inv(mat_s + np.diag(var[used] / weights[used]))
+        gain = inverse @ mat_hp
+        self.state = self.state + residual @ gain
+        self.cov = self.cov - mat_hp.T @ gain
+        self.cov = (self.cov + self.cov.T) / 2
+        return Innovation(weights, standard, residual, np.asarray(inverse, dtype=float))
 
 
 def robust_weights(residual: Array, mat_s: Array, var: Array) -> Array:

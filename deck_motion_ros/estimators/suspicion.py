@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deck_motion_ros.estimators.multilateration import REJECT
-from deck_motion_ros.estimators.ranging import JointFilter
+from deck_motion_ros.estimators.ranging import Innovation, JointFilter
 from deck_motion_ros.samples import Array, Vector3
 
 SHARE = 0.1  # weight of the newest range in the strain of its anchor
@@ -72,33 +72,17 @@ class Guess:
     def __init__(self, joint: JointFilter, score: float = 0.0) -> None:
         self.joint, self.score = joint, score
 
-    def use(self, epoch: Epoch, scored: bool = True) -> tuple[Array, Array]:
-        """
-        Use ranges.
-
-        Returns
-        -------
-        weights : ndarray, shape (m,)
-            Of each.
-        standard : ndarray, shape (m,)
-            How far each is off what the others and the prediction say, in standard deviations:
-            the best test for an error of one of them (Baarda).
-
-        """
+    def use(self, epoch: Epoch, scored: bool = True) -> Innovation:
+        """Use ranges."""
         expected, mat_h = self.joint.expected(epoch.points, epoch.lag, epoch.owners)
-        residual = epoch.distances - expected
-        weights, mat_s = self.joint.update(residual, mat_h, epoch.var)
-        inverse = np.linalg.inv(mat_s + np.diag(epoch.var))
-        standard = inverse @ residual / np.sqrt(np.diag(inverse))
+        new = self.joint.update(epoch.distances - expected, mat_h, epoch.var)
         if scored:
-            used = weights > 0
-            kept, residual = mat_s[np.ix_(used, used)], residual[used]
-            kept += np.diag(epoch.var[used] / weights[used])
+            rejected = epoch.var[new.weights == 0]
             self.score += float(
-                np.sum(OUTLIER - np.log(epoch.var[~used]) / 2)
-                - residual @ np.linalg.solve(kept, residual) / 2
-                - np.linalg.slogdet(2 * np.pi * kept)[1] / 2)
-        return weights, standard
+                np.linalg.slogdet(new.information / (2 * np.pi))[1] / 2
+                - new.residual @ new.information @ new.residual / 2
+                + np.sum(OUTLIER - np.log(rejected) / 2))
+        return new
 
     def replay(self, past: Sequence[_Past]) -> None:
         """Go through what is past."""
@@ -139,7 +123,7 @@ class CheckedFilter:
         self._strains = [0.0] * len(self._strains)
 
     def _mark(self) -> None:
-        """Remember the filter as it is now."""
+        """Remember the filter as it is now; what comes is counted from here."""
         self._before, self._dt, self._noise = copy(self._guesses[0].joint), 0.0, np.zeros(3)
 
     @property
@@ -160,8 +144,8 @@ class CheckedFilter:
         results = [guess.use(epoch, doubtful) for guess in self._guesses]
         scores = [guess.score for guess in self._guesses]
         top = max(scores)
-        weights, standard = results[scores.index(top)]
-        for owner, weight, value in zip(epoch.owners, weights.tolist(), standard.tolist(),
+        new = results[scores.index(top)]
+        for owner, weight, value in zip(epoch.owners, new.weights.tolist(), new.standard.tolist(),
                                         strict=True):
             if owner >= 0:
                 value = max(-REJECT, min(REJECT, value))
@@ -175,7 +159,7 @@ class CheckedFilter:
                 self._decide(best)
         else:
             self._watch(epoch)
-        return weights
+        return new.weights
 
     def _watch(self, epoch: Epoch) -> None:
         """Ask whether an anchor strains, or whether one has calmed down."""
@@ -184,9 +168,9 @@ class CheckedFilter:
             self._past.popleft()
         joint = self._guesses[0].joint
         if joint.doubted:
-            least, anchor = min((abs(mean / sd), anchor) for anchor in joint.doubted
-                                for mean, sd in [joint.bias(anchor)])
-            self._calm = max(0.0, self._calm + self._dt * (1 if least < NEAR else -5))
+            size, anchor = min((abs(mean / sd), anchor)
+                               for anchor, (mean, sd) in joint.biases().items())
+            self._calm = max(0.0, self._calm + self._dt * (1 if size < NEAR else -5))
             if self._calm > CALM:
                 self._decide(Guess(joint.trusting(anchor)))
         self._mark()

@@ -89,9 +89,9 @@ def test_a_doubt_forgets_and_trust_is_what_the_bias_would_have_been_worth():
     plain = joint()
     doubting = plain.doubting(1)
     assert doubting.doubted == (1,)
-    assert doubting.bias(1) == (0.0, DOUBT_SD)
+    assert doubting.biases() == {1: (0.0, DOUBT_SD)}
     doubting.advance(1.0, np.zeros(3))
-    assert doubting.bias(1)[1] == pytest.approx(np.hypot(DOUBT_SD, DOUBT_RATE))
+    assert doubting.biases()[1][1] == pytest.approx(np.hypot(DOUBT_SD, DOUBT_RATE))
     # trusting at once is as if nothing had been doubted
     doubting = plain.doubting(1)
     residual = np.array([0.02, 0.05, -0.03, 0.01])
