@@ -210,18 +210,25 @@ class JointFilter:
         """
         mat_hp = mat_h @ self.cov
         mat_s = mat_hp @ mat_h.T
-        inverse = np.linalg.inv(mat_s + np.diag(var))
-        standard = inverse @ residual / np.sqrt(inverse.diagonal())
+        gain, information = _gain(mat_s, var, mat_hp)
+        standard = information @ residual / np.sqrt(information.diagonal())
         weights = robust_weights(residual, mat_s, var)
         if weights.min() < 1:
             used = weights > 0
             residual, mat_hp, mat_s = residual[used], mat_hp[used], mat_s[np.ix_(used, used)]
-            inverse = np.linalg.inv(mat_s + np.diag(var[used] / weights[used]))
-        gain = inverse @ mat_hp
+            gain, information = _gain(mat_s, var[used] / weights[used], mat_hp)
         self.state = self.state + residual @ gain
         self.cov = self.cov - mat_hp.T @ gain
         self.cov = (self.cov + self.cov.T) / 2
-        return Innovation(weights, standard, residual, np.asarray(inverse, dtype=float))
+        return Innovation(weights, standard, residual, information)
+
+
+def _gain(mat_s: Array, noise: Array, mat_hp: Array) -> tuple[Array, Array]:
+    """Return the transposed gain and the inverse covariance of the innovation, in one go."""
+    eye = np.eye(len(noise))
+    both = np.asarray(np.linalg.solve(mat_s + eye * noise, np.hstack([mat_hp, eye])), dtype=float)
+    size = mat_hp.shape[1]
+    return both[:, :size], both[:, size:]
 
 
 def robust_weights(residual: Array, mat_s: Array, var: Array) -> Array:
