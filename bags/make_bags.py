@@ -48,7 +48,7 @@ BAGS = {
             seed=202611, rate=10.0, duration=24.0, hull='patrol', significant_wave_height=1.88,
             peak_period=8.8, deck_lever_arm=(-20.0, 0.0, 4.0), uav_rate=20.0, range_rate=5.0,
             approach_time=8.0, hold_time=8.0, descent_time=8.0), (0.0, 0.0)),
-    'landing_stressed_202611A': (
+    'landing_stressed_202611B': (
         'landing', LandingSimulatorConfig(
             seed=2611, rate=10.0, duration=30.0, deck='pan2020', deck_lever_arm=(0.0, 0.0, 0.0),
             uav_rate=20.0, range_rate=5.0, range_spacing=0.04, nlos_share=0.1,

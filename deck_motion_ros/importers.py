@@ -25,6 +25,8 @@ import re
 from typing import Any, TextIO
 
 from deck_motion_ros import geometry, messages, topics
+from deck_motion_ros.config import parameters
+from deck_motion_ros.estimators.landing import LandingConfig
 from deck_motion_ros.recording import BagTypes, BagWriter, encode
 from deck_motion_ros.samples import (
     HeaveSample,
@@ -36,6 +38,16 @@ from deck_motion_ros.samples import (
 )
 
 END_OF_TIME = 2**31  # s: what a ROS stamp can hold
+
+# What the landing node is told of recorded ranges, which come without inertial data.
+CARRIED = LandingConfig(
+    deck_static=True, range_sd=0.2, range_scale_sd=0.01, range_bias_time=1e4,
+    target_acceleration_psd=0.2, target_vertical_psd=0.01, inertial_bias_sd=0.0,
+    start_velocity_sd=1.5)
+DRIVEN = LandingConfig(
+    deck_static=True, known_height=0.0, range_sd=0.5, range_scale_sd=0.1, range_bias_sd=0.1,
+    range_bias_time=1e5, target_acceleration_psd=0.05, inertial_bias_sd=0.0,
+    start_velocity_sd=2.0)
 
 
 class ImportFailed(ValueError):
@@ -312,8 +324,9 @@ def _uwb(source: Path, summary: ImportSummary, time_column: str) -> tuple[Sample
     if stem == source.name or not anchors_file.is_file():
         raise ImportFailed(f'{source}: UWB ranges X_ranges.csv need their anchors X_anchors.csv')
     table = _Table(source, summary)
+    anchor_table = _Table(anchors_file, summary)
     anchors = {f'anchor_{number:g}': place
-               for number, place in _places(_Table(anchors_file, summary), 'anchor_id')}
+               for number, place in _places(anchor_table, 'anchor_id')}
     ranges = table.rows(table.time_column(time_column), 'anchor_id', 'range_m')
     truth = []
     if truth_file.is_file():
@@ -333,13 +346,29 @@ def _uwb(source: Path, summary: ImportSummary, time_column: str) -> tuple[Sample
     samples += [('landing/truth', OdometrySample(
         nanoseconds(origin + moment), 'deck', 'uav_deck', place, level, unknown, unknown,
         (0.0,) * 6)) for moment, place in truth]
-    positions = ', '.join(str(value) for place in anchors.values() for value in place)
+    config, assumed = (CARRIED, 'a radio carried on foot, ranges good to 0.2 m and 1 %') if (
+        'z_m' in anchor_table.columns) else (
+        DRIVEN, 'a vehicle on a plane, ranges good to 0.5 m, up to 10 % too long')
+    told = {'anchor_frames': [*anchors],
+            'anchor_positions': [value for place in anchors.values() for value in place],
+            **_told(config)}
+    text = ''.join(f'    {name}: {_yaml(value)}\n' for name, value in told.items())
     return samples, (
         f'# Anchors of {source.name}: x, y, z in deck (m). No ship motion came with it.\n'
-        'landing:\n  ros__parameters:\n'
-        f"    anchor_frames: [{', '.join(anchors)}]\n"
-        f'    anchor_positions: [{positions}]\n'
-        '    deck_static: true\n')
+        f'# Assumed: {assumed}\n'
+        f'landing:\n  ros__parameters:\n{text}')
+
+
+def _told(config: LandingConfig) -> dict[str, Any]:
+    """Return the parameters that are not the defaults; NaN says unset."""
+    return {name: value for name, rule in parameters(LandingConfig).items()
+            if (value := getattr(config, name)) != rule.default and value == value}
+
+
+def _yaml(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(str, value))}]"
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _places(table: _Table, key: str) -> list[tuple[float, tuple[float, float, float]]]:

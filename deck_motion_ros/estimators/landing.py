@@ -25,6 +25,7 @@ from deck_motion_ros.estimators.multilateration import (
     RangeErrors,
 )
 from deck_motion_ros.estimators.ranging import JointFilter, PaperFilter
+from deck_motion_ros.estimators.suspicion import CheckedFilter, Epoch
 from deck_motion_ros.geometry import conjugate, quaternion_from_rpy, rotated
 from deck_motion_ros.samples import (
     Array,
@@ -211,7 +212,6 @@ class LandingEstimator:
 
     START_SPAN = NANOSECONDS  # of the ranges from which the filter starts
     START_COUNT = 8
-    SHARE = 0.1  # weight of the newest range in the share of an anchor's rejected ones
 
     def __init__(self, config: LandingConfig) -> None:
         self.config = config
@@ -240,12 +240,11 @@ class LandingEstimator:
         self._epoch: list[RangeSample] = []  # of one stamp, not used yet
         self._closed = (0, 0)  # stamp of the newest epoch that acted, and its number of ranges
         self._memory: deque[_Range] = deque()
-        self._filter: JointFilter | None = None
+        self._filter: CheckedFilter | None = None
         self._tried: int | None = None  # stamp of the newest attempt to start it
         self._paper = None if config.method == 'joint' else PaperFilter(
             self._points, config.range_sd, config.paper_noise)
         self._round: dict[int, float] = {}  # ranges by anchor, for the paper's filter
-        self._shares = [0.0] * len(self._anchors)  # of rejected ranges
         self._time = 0  # stamp of the filter
         self._newest: int | None = None  # stamp of all messages
         self._given: int | None = None  # stamp of the newest estimate
@@ -321,7 +320,7 @@ class LandingEstimator:
             ranges.append(self._known_height(stamp))
         if self._filter is not None:
             self._advance(stamp)
-            if _is_lost(self._filter.cov, samples[0].distance):
+            if _is_lost(self._filter.estimate()[1], samples[0].distance):
                 self._close_filter()
             else:
                 self._correct(self._filter, ranges)
@@ -329,8 +328,7 @@ class LandingEstimator:
         while (len(self._memory) > self.START_COUNT
                and stamp - self._memory[1].stamp >= self.START_SPAN):
             self._memory.popleft()
-        contradicted = sum(self._shares) > len(self._shares) / 2
-        if (self._filter is None or contradicted) and self._open(stamp):
+        if (self._filter is None or self._filter.contradicted) and self._open(stamp):
             self.opened += 1
         return self._estimate(stamp)
 
@@ -385,11 +383,10 @@ class LandingEstimator:
                 other.cost < fix.cost + DOUBT and np.linalg.norm(
                     other.position - fix.position) > LOST for other in fixes):
             return False
-        self._filter = JointFilter(
+        self._filter = CheckedFilter(JointFilter(
             fix, config.inertial_bias_sd, config.inertial_bias_time, self._errors,
-            config.range_bias_time)
+            config.range_bias_time), len(self._points))
         self._time = stamp
-        self._shares = [0.0] * len(self._shares)
         return True
 
     def _psd(self, stamp: int) -> Array:
@@ -408,18 +405,15 @@ class LandingEstimator:
             self._filter.advance(seconds(stamp - self._time), self._psd(stamp))
             self._time = stamp
 
-    def _correct(self, joint: JointFilter, ranges: list[_Range]) -> None:
+    def _correct(self, joint: CheckedFilter, ranges: list[_Range]) -> None:
         """Let ranges of one stamp correct the filter; note which it rejects."""
-        owners = [item.owner for item in ranges]
-        expected, mat_h = joint.expected(
-            [item.point for item in ranges], seconds(self._time - ranges[0].stamp), owners)
-        residual = np.array([item.distance for item in ranges]) - expected
-        weights = joint.update(residual, mat_h, np.array([item.var for item in ranges]))
-        for owner, weight in zip(owners, weights.tolist(), strict=True):
-            if owner != NOBODY:
-                rejected = weight == 0
-                self._shares[owner] += self.SHARE * (rejected - self._shares[owner])
-                self.outliers[self.config.anchor_frames[owner]] += rejected
+        weights = joint.use(Epoch(
+            [item.point for item in ranges], [item.owner for item in ranges],
+            np.array([item.distance for item in ranges]), np.array([item.var for item in ranges]),
+            seconds(self._time - ranges[0].stamp)))
+        for item, weight in zip(ranges, weights.tolist(), strict=True):
+            if item.owner != NOBODY:
+                self.outliers[self.config.anchor_frames[item.owner]] += weight == 0
 
     def _estimate(self, stamp: int) -> list[LandingEstimate]:
         """Give the estimate at ``stamp``, if there can be one and none was given since."""
@@ -431,7 +425,8 @@ class LandingEstimator:
         attitude, ship_position, ship_velocity = self._ship.at(stamp)
         _, uav_position, uav_velocity = self._uav.at(stamp)
         known = np.array([*uav_position, *uav_velocity]) - [*ship_position, *ship_velocity]
-        level = self._filter.state[:6] + known
+        state, state_cov = self._filter.estimate()
+        level = state + known
         to_deck = np.array([rotated(conjugate(attitude), axis) for axis in AXES]).T
         x, y, z = self._ship.rate
         turning = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ to_deck
@@ -439,7 +434,7 @@ class LandingEstimator:
         jacobian[:3, :3] = jacobian[3:, 3:] = to_deck
         jacobian[3:, :3] = -turning
         deck = jacobian @ level
-        cov = jacobian @ self._filter.cov[:6, :6] @ jacobian.T
+        cov = jacobian @ state_cov @ jacobian.T
         if not self.config.deck_static:
             cov[3:, 3:] += self.config.ship_rate_sd**2 * (
                 deck[:3] @ deck[:3] * np.eye(3) - np.outer(deck[:3], deck[:3]))
@@ -472,10 +467,11 @@ class LandingEstimator:
             return 'tracking: no acceleration of the ship'
         return 'attitude only: no acceleration is measured'
 
-    def doubtful(self) -> list[str]:
-        """Name the anchors most of whose newest ranges were rejected: moved or in the shade."""
-        return [name for name, share in zip(self._index, self._shares, strict=True)
-                if share > 0.5]
+    def doubts(self) -> dict[str, float]:
+        """Return with what probability an anchor was moved or is in the shade, if above 0.1."""
+        found = self._filter.doubts() if self._filter is not None else {}
+        return {self.config.anchor_frames[anchor]: probability
+                for anchor, probability in found.items() if probability > 0.1}
 
     def dilution(self, position: Array) -> Array:
         """Return by what noise of ranges is multiplied in x, y, z at a position in deck (m)."""

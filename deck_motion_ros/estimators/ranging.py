@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from math import exp, inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +19,41 @@ from deck_motion_ros.estimators.multilateration import (
 )
 from deck_motion_ros.samples import Array, Vector3
 
+DOUBT_SD = 1.0  # m: of a bias that has just come up
+DOUBT_RATE = 0.3  # m in a second^0.5: how it goes on, as the line of sight to the anchor turns
+
+
+class Innovation(NamedTuple):
+    """
+    What m measurements said that was new.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (m,)
+        Of each: 1 = full, 0 = rejected.
+    standard : ndarray, shape (m,)
+        How far each is off what the others and the prediction say, in standard deviations: the
+        best test for an error of one of them (Baarda).
+    residual : ndarray, shape (k,)
+        Measured minus expected, of those that were not rejected.
+    information : ndarray, shape (k, k)
+        Inverse covariance of that.
+
+    """
+
+    weights: Array
+    standard: Array
+    residual: Array
+    information: Array
+
 
 class JointFilter:
     """
     Position, velocity and error of acceleration from ranges, robust against long ones.
 
     Between ranges it is linear: constant velocity, disturbed by white acceleration and by a
-    Gauss-Markov one; if asked for, the ranges have slowly varying errors.
+    Gauss-Markov one; if asked for, the ranges have slowly varying errors. Those of an anchor in
+    doubt have a bias of their own, a random walk.
 
     Parameters
     ----------
@@ -39,8 +69,10 @@ class JointFilter:
     Attributes
     ----------
     state : ndarray, shape (9 + n,)
-        Position (m), velocity (m/s), acceleration (m/s^2), errors of the ranges.
+        Position (m), velocity (m/s), acceleration (m/s^2), errors of the ranges, biases in doubt.
     cov : ndarray, shape (9 + n, 9 + n)
+    doubted : tuple of int
+        The anchors in doubt.
 
     """
 
@@ -55,7 +87,41 @@ class JointFilter:
         self.cov[6:9, 6:9] = acceleration_sd**2 * np.eye(3)
         self._var, self._time = acceleration_sd**2, acceleration_time
         self._errors, self._error_time = errors, error_time
-        self._steps: dict[float, tuple[Array, Array, Array]] = {}
+        self._sure = 9 + count
+        self.doubted: tuple[int, ...] = ()
+        self._steps: dict[tuple[float, int], tuple[Array, Array, Array]] = {}
+
+    def doubting(self, anchor: int) -> JointFilter:
+        """Return a copy in which an anchor's ranges have a bias of unknown size from now on."""
+        other = self._without(anchor, self.state, self.cov)
+        other.doubted = (*other.doubted, anchor)
+        size = len(other.state)
+        cov = np.zeros((size + 1, size + 1))
+        cov[:size, :size], cov[size, size] = other.cov, DOUBT_SD**2
+        other.state, other.cov = np.append(other.state, 0.0), cov
+        return other
+
+    def trusting(self, anchor: int) -> JointFilter:
+        """Return a copy in which the bias of an anchor in doubt turned out to be 0."""
+        row = self._sure + self.doubted.index(anchor)
+        gain = self.cov[row] / self.cov[row, row]
+        return self._without(anchor, self.state - gain * self.state[row],
+                             self.cov - np.outer(gain, self.cov[row]))
+
+    def _without(self, anchor: int, state: Array, cov: Array) -> JointFilter:
+        """Return a copy with this state, but for the anchor's doubt."""
+        other = copy(self)
+        other.doubted = tuple(item for item in self.doubted if item != anchor)
+        kept = [*range(self._sure), *(
+            self._sure + k for k, item in enumerate(self.doubted) if item != anchor)]
+        other.state, other.cov = state[kept], cov[np.ix_(kept, kept)]
+        return other
+
+    def biases(self) -> dict[int, tuple[float, float]]:
+        """Return mean and sd of the bias of each anchor in doubt (m)."""
+        sds = np.sqrt(self.cov.diagonal()[self._sure:])
+        return dict(zip(self.doubted, zip(
+            self.state[self._sure:].tolist(), sds.tolist(), strict=True), strict=True))
 
     def advance(self, dt: float, psd: Array) -> None:
         """
@@ -69,33 +135,34 @@ class JointFilter:
             Density of the white acceleration along each axis ((m/s^2)^2 s).
 
         """
-        if dt not in self._steps:
+        key = dt, len(self.state)
+        if key not in self._steps:
             if len(self._steps) > 500:  # uneven input never asks twice
                 self._steps.clear()
-            self._steps[dt] = self._step(dt)
-        mat_phi, white, slow = self._steps[dt]
+            self._steps[key] = self._step(dt)
+        mat_phi, white, slow = self._steps[key]
         self.state = mat_phi @ self.state
         self.cov = mat_phi @ self.cov @ mat_phi.T + slow
         self.cov[:6, :6] += white * np.concatenate([psd, psd])
 
     def _step(self, dt: float) -> tuple[Array, Array, Array]:
         """Return transition, noise per density and the other noise; exact for dt << time."""
-        n, eye = len(self.state), np.eye(3)
+        n, sure, eye = len(self.state), self._sure, np.eye(3)
         keep, hold = exp(-dt / self._time), exp(-dt / self._error_time)
-        mat_phi = np.eye(n) * hold
+        mat_phi = np.diag([hold] * sure + [1.0] * (n - sure))
         mat_phi[:9, :9] = np.kron(
             [[1.0, dt, dt * dt / 2], [0.0, 1.0, dt], [0.0, 0.0, keep]], eye)
         white = np.asarray(np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], eye), dtype=float)
-        slow = np.zeros((n, n))
-        slow[9:, 9:] = np.diag((1 - hold * hold) * np.square(self._errors.sds))
+        slow = np.diag([DOUBT_RATE**2 * dt] * n)
+        slow[9:sure, 9:sure] = np.diag((1 - hold * hold) * np.square(self._errors.sds))
         slow[:9, :9] = self._var * (1 - keep * keep) * np.kron(
             [[dt**4 / 20, dt**3 / 8, dt**2 / 6], [dt**3 / 8, dt**2 / 3, dt / 2],
              [dt**2 / 6, dt / 2, 1.0]], eye)
         return mat_phi, white, slow
 
     def errors(self) -> tuple[Array, Array]:
-        """Return mean and sd of the errors of the ranges."""
-        return self.state[9:], np.sqrt(np.diag(self.cov)[9:])
+        """Return mean and sd of the errors of the ranges, without the doubts."""
+        return self.state[9:self._sure], np.sqrt(np.diag(self.cov)[9:self._sure])
 
     def expected(self, points: Sequence[Vector3], lag: float,
                  owners: Sequence[int]) -> tuple[Array, Array]:
@@ -119,11 +186,13 @@ class JointFilter:
         if lag:
             mat_h[:, 3:6] = -lag * mat_h[:, :3]
         if len(self.state) > 9:
-            mat_h[:, 9:] = self._errors.derivatives(np.array(owners), ranges)
+            whose = np.array(owners)
+            mat_h[:, 9:self._sure] = self._errors.derivatives(whose, ranges)
+            mat_h[:, self._sure:] = whose[:, None] == self.doubted
             ranges = ranges + mat_h[:, 9:] @ self.state[9:]
         return ranges, mat_h
 
-    def update(self, residual: Array, mat_h: Array, var: Array) -> Array:
+    def update(self, residual: Array, mat_h: Array, var: Array) -> Innovation:
         """
         Use measurements together, each as far as it agrees with the others and the prediction.
 
@@ -136,24 +205,30 @@ class JointFilter:
 
         Returns
         -------
-        ndarray, shape (m,)
-            Weight of each measurement: 1 = full, 0 = rejected.
+        Innovation
 
         """
         mat_hp = mat_h @ self.cov
         mat_s = mat_hp @ mat_h.T
+        gain, information = _gain(mat_s, var, mat_hp)
+        standard = information @ residual / np.sqrt(information.diagonal())
         weights = robust_weights(residual, mat_s, var)
-        used = weights > 0
-        if not used.all():
-            residual, var, mat_hp = residual[used], var[used], mat_hp[used]
-            mat_s = mat_s[np.ix_(used, used)]
-        if len(residual):
-            mat_s = mat_s + np.diag(var / weights[used])
-            gain = np.linalg.solve(mat_s, mat_hp)
-            self.state = self.state + residual @ gain
-            self.cov = self.cov - mat_hp.T @ gain
-            self.cov = (self.cov + self.cov.T) / 2
-        return weights
+        if weights.min() < 1:
+            used = weights > 0
+            residual, mat_hp, mat_s = residual[used], mat_hp[used], mat_s[np.ix_(used, used)]
+            gain, information = _gain(mat_s, var[used] / weights[used], mat_hp)
+        self.state = self.state + residual @ gain
+        self.cov = self.cov - mat_hp.T @ gain
+        self.cov = (self.cov + self.cov.T) / 2
+        return Innovation(weights, standard, residual, information)
+
+
+def _gain(mat_s: Array, noise: Array, mat_hp: Array) -> tuple[Array, Array]:
+    """Return the transposed gain and the inverse covariance of the innovation, in one go."""
+    eye = np.eye(len(noise))
+    both = np.asarray(np.linalg.solve(mat_s + eye * noise, np.hstack([mat_hp, eye])), dtype=float)
+    size = mat_hp.shape[1]
+    return both[:, :size], both[:, size:]
 
 
 def robust_weights(residual: Array, mat_s: Array, var: Array) -> Array:

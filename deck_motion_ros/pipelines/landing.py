@@ -47,9 +47,10 @@ class LandingPipeline(Pipeline):
     def _state(self) -> tuple[int, str]:
         if not self._outputs:
             return WARN, 'no position yet'
-        doubtful = self._estimator.doubtful()
-        if doubtful:
-            return WARN, f"ranges of {', '.join(doubtful)} contradict the others"
+        doubts = ' or '.join(f'{anchor} ({100 * probability:.0f} %)'
+                             for anchor, probability in self._estimator.doubts().items())
+        if doubts:
+            return WARN, f'ranges of {doubts} contradict the others'
         return OK, self._estimator.accuracy()
 
     def _counts(self) -> dict[str, str]:

@@ -168,12 +168,41 @@ def test_nlos_and_a_lost_anchor():
     assert sum(flight.estimator.outliers.values()) == pytest.approx(100, abs=35)
 
 
-def test_moved_anchor_is_named_and_not_believed():
-    flight = Flight(replace(SCENE, moved_anchor='anchor_4', moved_time=20.0,
-                            moved_by=(0.0, 0.0, 1.0)))
-    assert flight.estimator.doubtful() == ['anchor_4']
-    assert flight.rms(22.0) < 0.3
-    assert flight.estimator.opened == 1
+@pytest.mark.parametrize('moved_by', [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)],
+                         ids=['ahead', 'aside', 'down'])
+def test_moved_anchor_is_named_and_the_covariance_honest(moved_by):
+    late, squares = 23.0, []
+    for k in range(4):
+        flight = Flight(replace(SCENE, seed=40 + k, moved_anchor=f'anchor_{k + 1}',
+                                moved_time=20.0, moved_by=moved_by))
+        doubts = flight.estimator.doubts()
+        assert max(doubts, key=doubts.get) == f'anchor_{k + 1}'
+        assert flight.estimator.opened == 1
+        assert flight.rms(late) < 0.3
+        squares.append(flight.nees(late))
+    assert 0.5 < np.mean(squares) < 2.0
+    assert max(squares) < 4.0
+
+
+def test_shaded_anchor_is_trusted_again():
+    def shaded(event):
+        if (event.topic != 'uwb/range' or event.sample.frame_id != 'anchor_2'
+                or not 10 <= seconds(event.time) < 15):
+            return event
+        excess = 0.3 + rng.exponential(1.0)
+        return event._replace(sample=replace(event.sample, distance=event.sample.distance
+                                             + excess))
+
+    rng = np.random.default_rng(3)
+    flight = Flight(SCENE, adapt=shaded)
+    assert flight.estimator.doubts() == {}
+    assert flight.nees(10.0, 15.0) < 2.0
+    assert flight.nees(15.0) < 2.0
+    assert flight.sd(29.0) < 1.2 * Flight(SCENE).sd(29.0)
+
+
+def test_no_anchor_is_named_without_reason(flight):
+    assert flight.estimator.doubts() == {}
 
 
 def test_when_most_ranges_contradict_the_filter_it_starts_again():

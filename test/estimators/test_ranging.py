@@ -71,7 +71,7 @@ def test_weights_tell_the_one_bad_range_of_four():
         ranges = np.linalg.norm(PLATFORM - truth, axis=1) + 0.05 * rng.normal(size=4)
         ranges[2] += 1.0
         expected, mat_h = joint.expected(POINTS, 0.0, range(4))
-        weights = joint.update(ranges - expected, mat_h, np.full(4, 0.0025))
+        weights = joint.update(ranges - expected, mat_h, np.full(4, 0.0025)).weights
         rejected += weights[2] == 0
         harmed += (weights[[0, 1, 3]] == 0).any()
     assert rejected >= 198
@@ -87,7 +87,8 @@ def test_everything_rejected_changes_nothing():
     joint = JointFilter(fix([0, 0, 10], sd=0.01), 0.0, 100.0)
     before = joint.state.copy(), joint.cov.copy()
     expected, mat_h = joint.expected(POINTS, 0.0, range(4))
-    weights = joint.update(np.array([5.0, -7.0, 9.0, 6.0]), mat_h, np.full(4, 1e-4))
+    weights = joint.update(
+        np.array([5.0, -7.0, 9.0, 6.0]), mat_h, np.full(4, 1e-4)).weights
     assert (weights == 0).all()
     assert joint.state == pytest.approx(before[0])
     assert joint.cov == pytest.approx(before[1])

@@ -26,7 +26,7 @@ def without(bag, out, *dropped):
 @pytest.fixture(scope='module')
 def page(tmp_path_factory):
     path = tmp_path_factory.mktemp('report') / 'page.html'
-    return write_report(BAGS / 'landing_stressed_202611A', path), path.read_text()
+    return write_report(BAGS / 'landing_stressed_202611B', path), path.read_text()
 
 
 def test_headline_and_judgement(page):

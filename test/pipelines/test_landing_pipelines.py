@@ -64,7 +64,8 @@ def test_diagnostics_name_accuracy_and_geometry(landed):
 def test_moved_anchor_is_named():
     pipeline, _, _ = run(replace(SCENE, moved_anchor='anchor_2', moved_time=14.0,
                                moved_by=(0.0, 0.0, 1.0)))
-    assert pipeline.diagnostics()[0][1:3] == (WARN, 'ranges of anchor_2 contradict the others')
+    assert pipeline.diagnostics()[0][1:3] == (
+        WARN, 'ranges of anchor_2 (100 %) contradict the others')
 
 
 def test_bad_messages_are_counted_by_reason():

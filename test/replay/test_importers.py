@@ -1,6 +1,7 @@
 """Recorded logs into bags: signs, stamps, what is left out and what is counted."""
 
 import csv
+import dataclasses
 from functools import reduce
 from math import degrees, radians
 from operator import xor
@@ -12,9 +13,13 @@ import pytest
 from ruamel.yaml import YAML
 
 from deck_motion_ros import messages
+from deck_motion_ros.config import configured
+from deck_motion_ros.estimators.landing import LandingConfig
 from deck_motion_ros.geometry import rpy_from_quaternion
-from deck_motion_ros.importers import import_file, ImportFailed
+from deck_motion_ros.importers import DRIVEN, import_file, ImportFailed
+from deck_motion_ros.params_file import read_params_file
 from deck_motion_ros.recording import BagReader
+from deck_motion_ros.replaying import replay
 
 SECOND = 1_000_000_000
 FIRST_OF_AUGUST = 1_406_851_200  # 2014-08-01 00:00:00 UTC, from the calendar
@@ -332,8 +337,9 @@ def test_anchors_become_a_parameter_file(ranges, tmp_path):
     summary = import_file(ranges, tmp_path / 'bag')
     assert summary.files == [tmp_path / 'bag_landing.yaml']
     parameters = YAML(typ='safe').load(summary.files[0])['landing']['ros__parameters']
-    assert parameters == {'anchor_frames': ['anchor_9', 'anchor_12'], 'deck_static': True,
-                          'anchor_positions': [1.5, -2.0, 0.0, 3.0, 4.0, 0.0]}
+    told = dataclasses.replace(DRIVEN, anchor_frames=('anchor_9', 'anchor_12'),
+                               anchor_positions=(1.5, -2.0, 0.0, 3.0, 4.0, 0.0))
+    assert repr(configured(LandingConfig, parameters)) == repr(told)
     assert all(isinstance(value, float) for value in parameters['anchor_positions'])
 
 
@@ -349,3 +355,27 @@ def test_recorded_ranges(data_dir, tmp_path):
     ranges = [message.range for topic, message in found.raw if topic == '/uwb/range']
     with (data_dir / 'uwb' / 'plaza1_ranges.csv').open() as file:
         assert ranges == [float(np.float32(row['range_m'])) for row in csv.DictReader(file)]
+
+
+@pytest.mark.parametrize(('name', 'start', 'limit'), [
+    ('hanyang_los_trajectory_a_case_1', 0.0, 1.4), ('hanyang_los_trajectory_b_case_3', 0.0, 1.4),
+    ('plaza1', 300.0, 1.0)])
+def test_recorded_ranges_replay_honestly(data_dir, tmp_path, name, start, limit):
+    settings, = import_file(data_dir / 'uwb' / f'{name}_ranges.csv', tmp_path / 'bag').files
+    replay(tmp_path / 'bag', tmp_path / 'out', 'landing', read_params_file(settings, 'landing'))
+    reader = BagReader(tmp_path / 'out')
+    rows = {'/landing/odometry': [], '/landing/truth': []}
+    for topic, _, data in reader.messages():
+        if topic in rows:
+            message = reader.decode(topic, data)
+            place = message.pose.pose.position
+            rows[topic].append((messages.stamp_of(message) / SECOND, place.x, place.y, place.z,
+                                *message.pose.covariance[[0, 7, 14]]))
+    estimate, truth = (np.array(found) for found in rows.values())
+    times = estimate[:, 0]
+    scored = (times > truth[0, 0] + start) & (times < truth[-1, 0])
+    true = np.stack([np.interp(times, truth[:, 0], column) for column in truth[:, 1:4].T], axis=1)
+    rmse = np.sqrt(np.mean(np.sum((estimate[:, 1:4] - true)[scored]**2, axis=1)))
+    stated = np.sqrt(np.mean(np.sum(estimate[scored, 4:], axis=1)))
+    assert rmse < limit
+    assert 0.5 < stated / rmse < 2.0

@@ -11,6 +11,7 @@ from deck_motion_ros.evaluation.report import bag as of_bag
 from deck_motion_ros.evaluation.report.alignment import AlignmentView
 from deck_motion_ros.evaluation.report.altitude import AltitudeView
 from deck_motion_ros.evaluation.report.drawing import Clock
+from deck_motion_ros.evaluation.report.guidance import GuidanceView
 from deck_motion_ros.evaluation.report.landing import LandingView
 from deck_motion_ros.evaluation.report.page import duration, moment, page, tiles_row
 from deck_motion_ros.evaluation.report.predictor import PredictorView
@@ -19,7 +20,7 @@ from deck_motion_ros.samples import Vector3
 
 # in the order of their chapters
 VIEWS: tuple[Callable[[Options], View], ...] = (
-    PredictorView, AlignmentView, AltitudeView, LandingView)
+    PredictorView, AlignmentView, AltitudeView, LandingView, GuidanceView)
 
 
 def write_report(bag: str | Path, html_path: str | Path, *, lever_arm: Vector3 | None = None,

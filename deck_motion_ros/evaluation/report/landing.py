@@ -85,10 +85,10 @@ class LandingView:
                   percent(_within(error[:, k], var[:, k]))) for k, name in enumerate(AXES)]))
         parts.append(self._judged_ranges(contents, anchors, found, clock))
         last = var[-1]
+        known = (f'; at the end it was known to {metres(float(np.sqrt(last[:2].mean())))} across '
+                 f'and {metres(float(np.sqrt(last[2])))} in height (1 sd)') * bool(last.any())
         headline = [f'The aircraft was followed from {metres(float(position[0, 2]))} to '
-                    f'{metres(float(position[-1, 2]))} over the deck; at the end it was known to '
-                    f'{metres(float(np.sqrt(last[:2].mean())))} across and '
-                    f'{metres(float(np.sqrt(last[2])))} in height (1 sd).']
+                    f'{metres(float(position[-1, 2]))} over the deck{known}.']
         tiles = []
         if judged:
             across = float(np.hypot(_rms(error[:, 0]), _rms(error[:, 1])))

@@ -108,6 +108,9 @@ def _motion_sentences(record: Record) -> list[str]:
         parts.append(f'significant heave {metres(found.significant)}' if name == 'heave' else
                      f'{name} sd {np.degrees(found.sd):.2f}°')
     text = [f"{duration(end - start)} of ship motion: {', '.join(parts)}."]
+    nodes = record.contents.settings
+    if record.height is None and nodes and 'predictor' not in nodes:
+        return text  # nobody was asked for a forecast
     if record.height is None:
         return [*text, 'The bag holds no forecast.']
     if record.lever_arm is None:
