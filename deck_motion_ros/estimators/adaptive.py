@@ -10,7 +10,7 @@ import numpy as np
 
 from deck_motion_ros.estimators.joint import JointModel, JointOutlook
 from deck_motion_ros.estimators.resampling import Grid, Resampler, Tick
-from deck_motion_ros.estimators.shaping import AxisOutlook, LI2014, TunedAxis
+from deck_motion_ros.estimators.wave_bank import BANK, BankAxis, BankOutlook, Certainty
 from deck_motion_ros.geometry import wrapped
 from deck_motion_ros.samples import Array, AXES, MotionForecast, Vector3
 
@@ -56,7 +56,7 @@ class AdaptiveOutlook:
 
     Parameters
     ----------
-    filters : tuple of 3 AxisOutlook
+    filters : tuple of 3 BankOutlook
         Per-axis filters.
     axes : tuple of int
         Axes of the joint model.
@@ -67,7 +67,7 @@ class AdaptiveOutlook:
 
     __slots__ = ('_filters', '_axes', '_joint')
 
-    def __init__(self, filters: tuple[AxisOutlook, ...], axes: tuple[int, ...],
+    def __init__(self, filters: tuple[BankOutlook, ...], axes: tuple[int, ...],
                  joint: JointOutlook | None) -> None:
         self._filters, self._axes, self._joint = filters, axes, joint
 
@@ -103,7 +103,8 @@ class AdaptiveOutlook:
             alone = joint.trust == 1 and not share.any()
         for axis, item in enumerate(self._filters):
             if joint is None or axis not in axes or not alone:
-                table[..., axis] = item.table(time, horizons).reshape(2, 2, -1)
+                mean[..., axis] = item.motion(time, horizons)
+                var[..., axis] = item.spread(time, horizons)
         if joint is None:
             cov = var[..., None] * IDENTITY
         else:
@@ -120,9 +121,9 @@ class AdaptivePredictor:
     """
     Predict roll, pitch and heave of a ship of which nothing is known in advance.
 
-    Per-axis filters (:class:`TunedAxis`) predict from the first sample on. Once the axes that come
-    and their rate are known, a :class:`JointModel` learns them together; the filters are its
-    guests, and what is published when they are better or the only ones.
+    Banks of filters of each axis (:class:`BankAxis`) predict from the first sample on. Once the
+    axes that come and their rate are known, a :class:`JointModel` learns them together; the banks
+    are its guests, and what is published when they are better or the only ones.
 
     Stamps alone decide; the order of calls within one stamp changes nothing.
 
@@ -134,7 +135,7 @@ class AdaptivePredictor:
 
     """
 
-    FINEST = 0.035  # s between the samples that a filter uses: it has no motion faster than that
+    USUAL = (0.05, 0.02, 1.0)  # sd of the axes before anything came (rad, m)
     LOOK = 8.0  # s of samples that decide on axes and grid
     THIN = 0.05  # s between those that are kept meanwhile
     LONGEST_GAP = 10.0  # s: beyond it the recent past is worthless
@@ -146,7 +147,8 @@ class AdaptivePredictor:
 
     def __init__(self, profile: Mapping[str, Array] | None = None) -> None:
         self._profile = profile or {}
-        self._filters = tuple(map(TunedAxis, LI2014))
+        start = Certainty(BANK)
+        self._filters = tuple(BankAxis(sd, start) for sd in self.USUAL)
         self._gates = tuple(OutlierGate() for _ in AXES)
         self._noise_var = [0.0, 0.0, 0.0]
         self._newest = [-inf, -inf, -inf]
@@ -221,10 +223,9 @@ class AdaptivePredictor:
         if value != self._values[axis]:
             self._values[axis], self._changed[axis] = value, time
         filtered = self._filters[axis]
-        if not self._gates[axis].admits(value - filtered.filter.expected(time)):
+        if not self._gates[axis].admits(value - filtered.expected(time)):
             return
-        if not time - filtered.filter.time < self.FINEST:
-            filtered.measure(time, value, var)
+        filtered.measure(time, value, var)
         if since < self.LONGEST_GAP:
             self._intervals[axis].append(since)
         if time - self._changed[axis] > self.STUCK:
@@ -286,7 +287,7 @@ class AdaptivePredictor:
     def _advance(self, tick: Tick, live: bool = True) -> None:
         assert self._joint is not None and self._resampler is not None
         joint, grid = self._joint, self._resampler.grid
-        values, known = tick.values, bool(tick.known.all())
+        values, known = tick.values, all(tick.known)
         if known:
             self._bridge, self._lost = None, False
         elif self._lost:
@@ -303,7 +304,7 @@ class AdaptivePredictor:
             values = np.where(tick.known, values, expected)
         guest = None
         if live and joint.ends_slot:
-            guest = np.stack([self._filters[axis].outlook().table(tick.time, joint.times)[::2]
+            guest = np.stack([self._filters[axis].outlook().motion(tick.time, joint.times)
                               for axis in self._axes], axis=-1)
         noise_var = np.array([self._noise_var[axis] for axis in self._axes]) / self._samples
         joint.advance(values, known, guest, noise_var)

@@ -386,7 +386,9 @@ class JointModel:
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
         self._losses = self._combination.losses(self._noise_var + self.LEAST)
-        self._weights = self._combination.weights(self._speaking, self._noise_var + self.LEAST)
+        scored = self._combination.scored >= self.BASIS  # before, the guest speaks alone
+        self._weights = np.where(scored[:, None], self._combination.weights(
+            self._speaking, self._noise_var + self.LEAST), self._weights)
         self._offset[-1] = self._mean
         own = self._weights[:, :-1] + np.eye(len(self._weights[0]) - 1)[-1] * 1e-12
         own /= own.sum(axis=1, keepdims=True)
