@@ -95,22 +95,24 @@ class AdaptiveOutlook:
         An axis that never came is predicted at rest, with the filter's own spread.
         """
         joint, axes = self._joint, self._axes
-        table = np.zeros((2, 2, len(horizons), len(AXES)))  # value and rate; mean and variance
-        mean, var = table[:, 0], table[:, 1]
+        mean, var = np.zeros((2, 2, len(horizons), len(AXES)))  # each of value and rate
         if joint is not None:
             ahead = time + horizons - joint.time
-            share = joint.shares(ahead)[:, None]
-            alone = joint.trust == 1 and not share.any()
+            share, slope = joint.shares(ahead)[..., None]
         for axis, item in enumerate(self._filters):
-            if joint is None or axis not in axes or not alone:
+            if joint is None or axis not in axes or share.any() or slope.any():
                 mean[..., axis] = item.motion(time, horizons)
+            if joint is None or axis not in axes or joint.trust < 1:
                 var[..., axis] = item.spread(time, horizons)
         if joint is None:
             cov = var[..., None] * IDENTITY
         else:
             at, across = ((slice(None), slice(None)) if len(axes) == len(AXES)  # which is faster
                           else (np.array(axes), np.array(axes)[:, None]))
-            mean[..., at] = share * mean[..., at] + (1 - share) * joint.motion(ahead)
+            own = joint.motion(ahead)
+            apart = mean[..., at] - own
+            mean[..., at] = own + share * apart
+            mean[1][:, at] += slope * apart[0]
             var[..., at] *= 1 - joint.trust
             cov = var[..., None] * IDENTITY
             cov[..., across, at] += joint.trust * joint.spread(ahead)

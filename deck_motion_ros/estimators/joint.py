@@ -65,8 +65,11 @@ class JointOutlook:
         return float(np.interp(ahead, self.times, self.guest))
 
     def shares(self, ahead: Array) -> Array:
-        """Return the guest's weight some seconds on, shape (n,)."""
-        return np.interp(ahead, self.times, self.guest)
+        """Return the guest's weight some seconds on and its slope (1/s), shape (2, n)."""
+        k, u = _place(ahead, self.times)
+        rise = np.diff(self.guest)[k]
+        inside = (ahead > self.times[0]) & (ahead < self.times[-1])
+        return np.stack([self.guest[k] + u * rise, inside * rise / np.diff(self.times)[k]])
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
