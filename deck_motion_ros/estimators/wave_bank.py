@@ -86,7 +86,7 @@ class WaveBank:
         self.near: Array = np.stack([turn, rates * turn], axis=1).conj().view(float).reshape(4, -1)
 
 
-# a level of its own or a drift, which is no wave
+# little to much noise about a steady level; one that drifts, which is no wave
 BANK = WaveBank(np.geomspace(3.0, 30.0, 12).tolist(), (0.15, 0.4), (
     (1e-5, 0.3, 3000.0), (1e-3, 0.3, 3000.0), (0.03, 0.3, 3000.0), (1e-4, 3.0, 100.0)))
 
@@ -225,7 +225,8 @@ class BankAxis:
     BIN = 0.5  # s
     HALF_LIFE = 20.0  # s of what came
     EXPECTED = 0.1  # measurements that the expected size weighs
-    DOUBT = 0.1  # share of a measurement's variance that even a stuck sensor leaves
+    DOUBT, LEAST = 0.1, 1e-18  # share of a measurement's variance, and variance (rad^2, m^2),
+    # that even a stuck sensor leaves
 
     def __init__(self, sd: float, start: Certainty) -> None:
         models = len(start.bank.noise)
@@ -259,7 +260,8 @@ class BankAxis:
         error = value - modes.real @ WaveBank.READ
         self._modes = modes + now.gain * error[:, None]
         fade = 0.5 ** (step / self.HALF_LIFE)
-        self._squares = fade * self._squares + (error * error + self.DOUBT * var) / now.var
+        self._squares = fade * self._squares + (
+            error * error + self.DOUBT * var + self.LEAST) / now.var
         self._logs = fade * self._logs + now.log_var
         self._number = fade * self._number + 1
         # of Gaussian errors whose size is not known

@@ -141,9 +141,10 @@ def test_before_anything_came_and_long_after():
         assert 0.2 < np.sqrt(var) < 2.0 and rate_var > 0
 
 
-def test_constant_input_leaves_a_doubt():
+@pytest.mark.parametrize('var', [1e-6, 0.0])
+def test_constant_input_leaves_a_doubt(var):
     times = np.arange(0.0, 600.0, 0.5)
-    axis = feed(BankAxis(1.0, Certainty(BANK)), times, np.zeros(len(times)), 1e-6)
+    axis = feed(BankAxis(1.0, Certainty(BANK)), times, np.zeros(len(times)), var)
     var = axis.outlook().spread(600.0, np.array([0.0, 3.0]))
     assert np.all(var > 0) and np.all(np.isfinite(var))
 
