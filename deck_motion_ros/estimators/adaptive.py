@@ -10,7 +10,7 @@ import numpy as np
 
 from deck_motion_ros.estimators.joint import JointModel, JointOutlook
 from deck_motion_ros.estimators.resampling import Grid, Resampler, Tick
-from deck_motion_ros.estimators.shaping import AxisOutlook, LI2014, TunedAxis
+from deck_motion_ros.estimators.wave_bank import BANK, BankAxis, BankOutlook, Certainty
 from deck_motion_ros.geometry import wrapped
 from deck_motion_ros.samples import Array, AXES, MotionForecast, Vector3
 
@@ -56,7 +56,7 @@ class AdaptiveOutlook:
 
     Parameters
     ----------
-    filters : tuple of 3 AxisOutlook
+    filters : tuple of 3 BankOutlook
         Per-axis filters.
     axes : tuple of int
         Axes of the joint model.
@@ -67,7 +67,7 @@ class AdaptiveOutlook:
 
     __slots__ = ('_filters', '_axes', '_joint')
 
-    def __init__(self, filters: tuple[AxisOutlook, ...], axes: tuple[int, ...],
+    def __init__(self, filters: tuple[BankOutlook, ...], axes: tuple[int, ...],
                  joint: JointOutlook | None) -> None:
         self._filters, self._axes, self._joint = filters, axes, joint
 
@@ -95,21 +95,24 @@ class AdaptiveOutlook:
         An axis that never came is predicted at rest, with the filter's own spread.
         """
         joint, axes = self._joint, self._axes
-        table = np.zeros((2, 2, len(horizons), len(AXES)))  # value and rate; mean and variance
-        mean, var = table[:, 0], table[:, 1]
+        mean, var = np.zeros((2, 2, len(horizons), len(AXES)))  # each of value and rate
         if joint is not None:
             ahead = time + horizons - joint.time
-            share = joint.shares(ahead)[:, None]
-            alone = joint.trust == 1 and not share.any()
+            share, slope = joint.shares(ahead)[..., None]
         for axis, item in enumerate(self._filters):
-            if joint is None or axis not in axes or not alone:
-                table[..., axis] = item.table(time, horizons).reshape(2, 2, -1)
+            if joint is None or axis not in axes or share.any() or slope.any():
+                mean[..., axis] = item.motion(time, horizons)
+            if joint is None or axis not in axes or joint.trust < 1:
+                var[..., axis] = item.spread(time, horizons)
         if joint is None:
             cov = var[..., None] * IDENTITY
         else:
             at, across = ((slice(None), slice(None)) if len(axes) == len(AXES)  # which is faster
                           else (np.array(axes), np.array(axes)[:, None]))
-            mean[..., at] = share * mean[..., at] + (1 - share) * joint.motion(ahead)
+            own = joint.motion(ahead)
+            apart = mean[..., at] - own
+            mean[..., at] = own + share * apart
+            mean[1][:, at] += slope * apart[0]
             var[..., at] *= 1 - joint.trust
             cov = var[..., None] * IDENTITY
             cov[..., across, at] += joint.trust * joint.spread(ahead)
@@ -120,9 +123,9 @@ class AdaptivePredictor:
     """
     Predict roll, pitch and heave of a ship of which nothing is known in advance.
 
-    Per-axis filters (:class:`TunedAxis`) predict from the first sample on. Once the axes that come
-    and their rate are known, a :class:`JointModel` learns them together; the filters are its
-    guests, and what is published when they are better or the only ones.
+    Banks of filters of each axis (:class:`BankAxis`) predict from the first sample on. Once the
+    axes that come and their rate are known, a :class:`JointModel` learns them together; the banks
+    are its guests, and what is published when they are better or the only ones.
 
     Stamps alone decide; the order of calls within one stamp changes nothing.
 
@@ -134,7 +137,7 @@ class AdaptivePredictor:
 
     """
 
-    FINEST = 0.035  # s between the samples that a filter uses: it has no motion faster than that
+    USUAL = (0.05, 0.02, 1.0)  # sd of the axes before anything came (rad, m)
     LOOK = 8.0  # s of samples that decide on axes and grid
     THIN = 0.05  # s between those that are kept meanwhile
     LONGEST_GAP = 10.0  # s: beyond it the recent past is worthless
@@ -146,7 +149,8 @@ class AdaptivePredictor:
 
     def __init__(self, profile: Mapping[str, Array] | None = None) -> None:
         self._profile = profile or {}
-        self._filters = tuple(map(TunedAxis, LI2014))
+        start = Certainty(BANK)
+        self._filters = tuple(BankAxis(sd, start) for sd in self.USUAL)
         self._gates = tuple(OutlierGate() for _ in AXES)
         self._noise_var = [0.0, 0.0, 0.0]
         self._newest = [-inf, -inf, -inf]
@@ -221,10 +225,9 @@ class AdaptivePredictor:
         if value != self._values[axis]:
             self._values[axis], self._changed[axis] = value, time
         filtered = self._filters[axis]
-        if not self._gates[axis].admits(value - filtered.filter.expected(time)):
+        if not self._gates[axis].admits(value - filtered.expected(time)):
             return
-        if not time - filtered.filter.time < self.FINEST:
-            filtered.measure(time, value, var)
+        filtered.measure(time, value, var)
         if since < self.LONGEST_GAP:
             self._intervals[axis].append(since)
         if time - self._changed[axis] > self.STUCK:
@@ -286,7 +289,7 @@ class AdaptivePredictor:
     def _advance(self, tick: Tick, live: bool = True) -> None:
         assert self._joint is not None and self._resampler is not None
         joint, grid = self._joint, self._resampler.grid
-        values, known = tick.values, bool(tick.known.all())
+        values, known = tick.values, all(tick.known)
         if known:
             self._bridge, self._lost = None, False
         elif self._lost:
@@ -303,7 +306,7 @@ class AdaptivePredictor:
             values = np.where(tick.known, values, expected)
         guest = None
         if live and joint.ends_slot:
-            guest = np.stack([self._filters[axis].outlook().table(tick.time, joint.times)[::2]
+            guest = np.stack([self._filters[axis].outlook().motion(tick.time, joint.times)
                               for axis in self._axes], axis=-1)
         noise_var = np.array([self._noise_var[axis] for axis in self._axes]) / self._samples
         joint.advance(values, known, guest, noise_var)

@@ -96,7 +96,7 @@ class AutoregressiveAxis:
         for tick in resampler.add(0, time, value):
             self._ticks.append(float(tick.values[0]))
             self._slots.append(sum(self._ticks) / len(self._ticks))
-            self._known.append(bool(tick.known[0]))
+            self._known.append(tick.known[0])
             if len(self._slots) == (self.ORDER + self._new) * grid.ticks:
                 self._fit(grid)
 

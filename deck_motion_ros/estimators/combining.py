@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from deck_motion_ros.samples import Array
 
@@ -28,6 +29,7 @@ class Combination:
     """
 
     RIDGE = 0.1  # of the best rival's error variance: what the estimates wander by
+    NEWCOMER = 1.5  # times the best rival's error variance
 
     def __init__(self, horizons: int, axes: int, rivals: int, half_life: float) -> None:
         self._sums = np.zeros((horizons, axes, rivals, rivals))
@@ -55,7 +57,7 @@ class Combination:
         self._number += pairs
 
     def introduce(self, rival: int, speaking: Mask) -> None:
-        """Believe a new rival to be as good as the best of those who speak."""
+        """Believe a new rival to err like the best of those who speak, but more."""
         cov = self.covariance
         size = np.einsum('hajj->haj', cov)
         others = np.flatnonzero(speaking & (np.arange(len(speaking)) != rival))
@@ -64,6 +66,7 @@ class Combination:
         for table in (self._sums, self._number):
             table[..., rival, :] = table[..., like, :]
             table[..., :, rival] = table[..., :, like]
+        self._sums[..., rival, rival] *= self.NEWCOMER
 
     @property
     def scored(self) -> Array:
@@ -111,7 +114,7 @@ def _minimum_variance(cov: Array) -> Array:
     weights = np.zeros(len(cov))
     kept = np.arange(len(cov))
     while True:
-        share = np.linalg.solve(cov[np.ix_(kept, kept)], np.ones(len(kept)))
+        _, share, _ = dposv(cov[kept[:, None], kept], np.ones(len(kept)))
         if (share > 0).all():
             weights[kept] = share / share.sum()
             return weights

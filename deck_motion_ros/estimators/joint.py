@@ -65,8 +65,11 @@ class JointOutlook:
         return float(np.interp(ahead, self.times, self.guest))
 
     def shares(self, ahead: Array) -> Array:
-        """Return the guest's weight some seconds on, shape (n,)."""
-        return np.interp(ahead, self.times, self.guest)
+        """Return the guest's weight some seconds on and its slope (1/s), shape (2, n)."""
+        k, u = _place(ahead, self.times)
+        rise = np.diff(self.guest)[k]
+        inside = (ahead > self.times[0]) & (ahead < self.times[-1])
+        return np.stack([self.guest[k] + u * rise, inside * rise / np.diff(self.times)[k]])
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
@@ -386,7 +389,9 @@ class JointModel:
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
         self._losses = self._combination.losses(self._noise_var + self.LEAST)
-        self._weights = self._combination.weights(self._speaking, self._noise_var + self.LEAST)
+        scored = self._combination.scored >= self.BASIS  # before, the guest speaks alone
+        self._weights = np.where(scored[:, None], self._combination.weights(
+            self._speaking, self._noise_var + self.LEAST), self._weights)
         self._offset[-1] = self._mean
         own = self._weights[:, :-1] + np.eye(len(self._weights[0]) - 1)[-1] * 1e-12
         own /= own.sum(axis=1, keepdims=True)

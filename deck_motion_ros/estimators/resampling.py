@@ -67,14 +67,14 @@ class Tick:
         The instant (s).
     values : ndarray, shape (m,)
         Mean of each axis over the tick that ends there; the value there if a slot is one tick.
-    known : ndarray of bool, shape (m,)
+    known : tuple of m bool
         False where the samples around lie too far apart to say.
 
     """
 
     time: float
     values: Array
-    known: Array
+    known: tuple[bool, ...]
 
 
 class _Axis:
@@ -144,9 +144,10 @@ class Resampler:
         self._axes[axis].add(time, value)
         if time - self.time - self.grid.tick < -self.grid.slack:  # no axis makes it complete
             return []
-        newest = max(item.newest for item in self._axes)
-        ready = min((item.newest for item in self._axes
-                     if item.newest >= newest - self._patience))
+        came = [item.newest for item in self._axes]
+        newest, ready = max(came), min(came)
+        if ready < newest - self._patience:
+            ready = min(when for when in came if when >= newest - self._patience)
         tick, made = self.grid.tick, []
         while (late := ready - self.time - tick) >= -self.grid.slack:
             end = self.time + tick + min(late, self.LATE * tick)
@@ -155,9 +156,7 @@ class Resampler:
         return made
 
     def _passed(self, end: float) -> Tick:
-        values, known = np.zeros(len(self._axes)), np.zeros(len(self._axes), bool)
-        for k, axis in enumerate(self._axes):
-            if axis.samples:
-                values[k], gap = axis.pass_to(self.time, end, self.grid.ticks > 1)
-                known[k] = gap <= self._widest
-        return Tick(end, values, known)
+        mean = self.grid.ticks > 1
+        values, gaps = zip(*(axis.pass_to(self.time, end, mean) if axis.samples else (0.0, inf)
+                             for axis in self._axes), strict=True)
+        return Tick(end, np.array(values), tuple(gap <= self._widest for gap in gaps))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from functools import cache
 from math import exp, log, pi
 
 import numpy as np
@@ -61,11 +62,9 @@ def responses(params: Array, frequencies: int, directions: int
     length, peak, roll_period, damping, spread, roll_gain, pitch_gain, height = np.exp(
         columns[[LENGTH, PERIOD, ROLL_PERIOD, DAMPING, SPREAD, ROLL_GAIN, PITCH_GAIN, HEIGHT]])
     heading, speed = columns[HEADING], np.maximum(columns[SPEED], 0.0)
-    ratio = np.geomspace(0.45, 4.0, frequencies)[:, None]
-    energy = ratio**-4 * np.exp(-1.25 * ratio**-4)
-    angle = ((np.arange(directions) + 0.5) / directions - 0.5) * pi
+    ratio, energy, angle = _waves(frequencies, directions)
     share = np.cos(angle)**spread
-    amplitude = height * np.sqrt(energy / energy.sum() * share / share.sum(axis=-1, keepdims=True))
+    amplitude = height * np.sqrt(energy * share / share.sum(axis=-1, keepdims=True))
 
     omega = 2 * pi / peak * ratio
     k = omega**2 / GRAVITY
@@ -88,6 +87,15 @@ def responses(params: Array, frequencies: int, directions: int
         -1j * ky * roll * roll_gain, 1j * kx * slope * oscillator * pitch_gain,
         oscillator * mean], axis=1)
     return encounter.reshape(len(params), -1), response.reshape(len(params), 3, -1)
+
+
+@cache
+def _waves(frequencies: int, directions: int) -> tuple[Array, Array, Array]:
+    """Return frequencies beside the peak, their share of the energy, angles off the mean."""
+    ratio = np.geomspace(0.45, 4.0, frequencies)[:, None]
+    energy = ratio**-4 * np.exp(-1.25 * ratio**-4)
+    angle = ((np.arange(directions) + 0.5) / directions - 0.5) * pi
+    return ratio, energy / energy.sum(), angle
 
 
 class SeakeepingFit:

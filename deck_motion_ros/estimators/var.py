@@ -156,8 +156,8 @@ class ForgettingVar:
             learned += expected
         cov, weight = learned[:-1], learned[-1, 0]
         sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
-        ridge = self._ridge * np.tile(np.square(sd), k)
-        normal, right = cov[m:, m:] + np.diag(ridge), cov[m:, :m]
+        normal, right = cov[m:, m:], cov[m:, :m]
+        np.einsum('ii->i', normal)[:] += self._ridge * np.tile(np.square(sd), k)
         if self._cross:
             found = np.stack([_solved(self._penalised(normal, axis, weight), right[:, axis])
                               for axis in range(m)])
@@ -173,7 +173,7 @@ class ForgettingVar:
 
 def _solved(normal: Array, right: Array) -> Array:
     """Solve positive definite equations by Cholesky."""
-    _, found, info = dposv(normal, right, lower=1)
+    _, found, info = dposv(normal.T, right, lower=1)  # .T: rows are columns to Fortran
     if info:
         raise np.linalg.LinAlgError('normal equations are not positive definite')
     return np.asarray(found)

@@ -90,14 +90,14 @@ def test_weights_are_those_of_independent_errors():
     assert combination.weights(silent, np.zeros(1))[0, 0] == 0
 
 
-def test_a_newcomer_counts_as_the_best_of_the_others():
+def test_a_newcomer_is_taken_for_a_little_worse_than_the_best():
     combination = Combination(1, 1, 3, half_life=100)
     for k in range(200):
         error = np.array([[[1.0 if k % 2 else -1.0], [3.0], [0.0]]])
         combination.score(error, np.array([[True, True, False]]))
     combination.introduce(2, np.array([True, True, True]))
     cov = combination.covariance[0, 0]
-    assert cov[2, 2] == cov[0, 0] and cov[2, 1] == cov[0, 1]
+    assert cov[2, 2] == Combination.NEWCOMER * cov[0, 0] and cov[2, 1] == cov[0, 1]
 
 
 def test_a_ramp_survives_uneven_stamps():
@@ -108,7 +108,7 @@ def test_a_ramp_survives_uneven_stamps():
     ends = np.array([times[0], *(tick.time for tick in ticks)])
     middles = (ends[1:] + ends[:-1]) / 2
     np.testing.assert_allclose([tick.values[0] for tick in ticks], 2.0 * middles, rtol=1e-9)
-    assert abs(ends[-1] - times[-1]) < 0.3 and all(tick.known.all() for tick in ticks)
+    assert abs(ends[-1] - times[-1]) < 0.3 and all(all(tick.known) for tick in ticks)
 
 
 @pytest.mark.parametrize('rate', [1.0, 2.0, 4.0, 10.0, 100.0])
@@ -289,14 +289,14 @@ def test_a_profile_warms_the_start(four_hertz):
     ship, times, values, _ = four_hertz
     teacher = feed(AdaptivePredictor(), times[:1400], values[:1400])
     profile = {name: array.copy() for name, array in teacher.profile().items()}
-    other, start = Ship(5), 70.0
+    other, start = Ship(5), 30.0
     other.response = ship.response * np.exp(1j * np.random.default_rng(6).uniform(0, 6.28, 400))
     again = measured(other, times[:480], 1) + (0.03, -0.01, 0.4)
     errors = {}
     for name, given in (('cold', None), ('warm', profile), ('foreign', {'grid': np.ones(5)})):
         found, _ = errors_along(AdaptivePredictor(given), other, times[:480], again, start)
         errors[name] = np.sqrt(np.mean(np.square(found - (0.03, -0.01, 0.4)), axis=0))
-    assert np.all(errors['warm'] < 0.8 * errors['cold'])
+    assert np.mean(errors['warm'] / errors['cold']) < 0.85
     np.testing.assert_array_equal(errors['foreign'], errors['cold'])
 
 
