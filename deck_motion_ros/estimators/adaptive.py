@@ -78,14 +78,14 @@ class AdaptiveOutlook:
             roll, pitch, heave = (item.mean(time) for item in self._filters)
             return roll, pitch, heave
         ahead, value = time - joint.time, [0.0, 0.0, 0.0]
-        share = joint.share(ahead)
-        for axis, own in zip(self._axes, joint.mean(ahead), strict=True):
+        shares = joint.shares(np.array([ahead]))[0, 0].tolist()
+        for axis, own, share in zip(self._axes, joint.mean(ahead), shares, strict=True):
             value[axis] = (1 - share) * own
+            if share > 0:
+                value[axis] += share * self._filters[axis].mean(time)
         for axis, item in enumerate(self._filters):
             if axis not in self._axes:
                 value[axis] = item.mean(time)
-            elif share > 0:
-                value[axis] += share * item.mean(time)
         return value[0], value[1], value[2]
 
     def forecast(self, time: float, horizons: Array) -> MotionForecast:
@@ -98,7 +98,7 @@ class AdaptiveOutlook:
         mean, var = np.zeros((2, 2, len(horizons), len(AXES)))  # each of value and rate
         if joint is not None:
             ahead = time + horizons - joint.time
-            share, slope = joint.shares(ahead)[..., None]
+            share, slope = joint.shares(ahead)
         for axis, item in enumerate(self._filters):
             if joint is None or axis not in axes or share.any() or slope.any():
                 mean[..., axis] = item.motion(time, horizons)

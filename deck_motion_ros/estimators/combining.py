@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 
 from deck_motion_ros.samples import Array
 
@@ -16,7 +15,7 @@ class Combination:
     Discounted minimum-variance weights of rivals that forecast the same axes.
 
     Kept is the covariance of the rivals' realised errors among each other, per horizon and axis.
-    The weights of one horizon are the same for all axes: pooled, they wander less. Pairs of
+    For the weights it is drawn towards the mean over the axes: pooled, they wander less. Pairs of
     rivals of whom one is silent keep what they had.
 
     Parameters
@@ -28,6 +27,7 @@ class Combination:
 
     """
 
+    POOLED = 0.2  # of the way to the mean over the axes
     RIDGE = 0.1  # of the best rival's error variance: what the estimates wander by
     NEWCOMER = 1.5  # times the best rival's error variance
 
@@ -55,6 +55,12 @@ class Combination:
         self._sums += vec[..., :, None] * vec[..., None, :]
         self._number *= fade
         self._number += pairs
+
+    def fade(self, share: float, least: float) -> None:
+        """Let all errors count so much less, but together no less than ``least`` new ones."""
+        kept = np.clip(least / np.maximum(self._number, 1e-30), share, 1.0)
+        self._sums *= kept[:, None]
+        self._number *= kept
 
     def introduce(self, rival: int, speaking: Mask) -> None:
         """Believe a new rival to err like the best of those who speak, but more."""
@@ -96,26 +102,26 @@ class Combination:
 
         Returns
         -------
-        ndarray, shape (horizons, rivals)
+        ndarray, shape (horizons, axes, rivals)
 
         """
         chosen = np.flatnonzero(speaking)
         cov = self.covariance[..., chosen[:, None], chosen]
         best = np.einsum('hajj->haj', cov).min(axis=-1) + floor
-        pooled = (cov / best[..., None, None]).mean(axis=1)
-        weights = np.zeros((len(cov), len(speaking)))
-        for row, mat in zip(weights, pooled, strict=True):
-            row[chosen] = _minimum_variance(mat + self.RIDGE * np.eye(len(chosen)))
+        cov = cov / best[..., None, None]
+        cov += self.POOLED * (cov.mean(axis=1, keepdims=True) - cov)
+        weights = np.zeros((*cov.shape[:2], len(speaking)))
+        weights[..., chosen] = _minimum_variance(cov + self.RIDGE * np.eye(len(chosen)))
         return weights
 
 
 def _minimum_variance(cov: Array) -> Array:
     """Minimise w' cov w over w >= 0 with sum 1, dropping whom the optimum would sell short."""
-    weights = np.zeros(len(cov))
-    kept = np.arange(len(cov))
+    alone = np.eye(cov.shape[-1])
+    kept = np.ones(cov.shape[:-1], bool)
     while True:
-        _, share, _ = dposv(cov[kept[:, None], kept], np.ones(len(kept)))
-        if (share > 0).all():
-            weights[kept] = share / share.sum()
-            return weights
-        kept = kept[share > 0]
+        both = kept[..., None] & kept[..., None, :]
+        share = np.linalg.solve(np.where(both, cov, alone), kept[..., None].astype(float))[..., 0]
+        if (share[kept] > 0).all():
+            return np.asarray(share / share.sum(axis=-1, keepdims=True))
+        kept &= share > 0

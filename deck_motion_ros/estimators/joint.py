@@ -44,8 +44,8 @@ class JointOutlook:
         Value and rate at ``KNOTS`` seconds ahead, without the guest's share.
     times : ndarray, shape (horizons,)
         The scored horizons, seconds ahead of ``time``.
-    guest : ndarray, shape (horizons,)
-        The guest's weight at them.
+    guest : ndarray, shape (horizons, m)
+        The guest's weights at them.
     cov_at : ndarray, shape (2, horizons, m, m)
         Error covariances of the whole combination's value and rate at them.
     trust : float
@@ -60,16 +60,13 @@ class JointOutlook:
     cov_at: Array
     trust: float
 
-    def share(self, ahead: float) -> float:
-        """Return the guest's weight ``ahead`` seconds on."""
-        return float(np.interp(ahead, self.times, self.guest))
-
     def shares(self, ahead: Array) -> Array:
-        """Return the guest's weight some seconds on and its slope (1/s), shape (2, n)."""
+        """Return the guest's weights some seconds on and their slopes (1/s), shape (2, n, m)."""
         k, u = _place(ahead, self.times)
-        rise = np.diff(self.guest)[k]
+        rise = np.diff(self.guest, axis=0)[k]
         inside = (ahead > self.times[0]) & (ahead < self.times[-1])
-        return np.stack([self.guest[k] + u * rise, inside * rise / np.diff(self.times)[k]])
+        slope = inside / np.diff(self.times)[k]
+        return np.stack([self.guest[k] + u[:, None] * rise, slope[:, None] * rise])
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
@@ -109,7 +106,8 @@ class JointModel:
     outside forecast each slot; :class:`Combination` weighs them. One rival is refitted every
     1.5 s, in turn. Some lean on what ships do in waves (:class:`SeakeepingFit`): they are good
     while little was seen, and after a turn. What is promised is the combination's error variance
-    by the rivals' error covariance, times what the promises turned out to be worth.
+    by the rivals' error covariance, times what the promises turned out to be worth. A turn makes
+    all of them forget, if the heading is known.
 
     Parameters
     ----------
@@ -152,6 +150,7 @@ class JointModel:
         shrink = min(0.5 / step, 1.0)  # slower input: as many seconds, not as many slots
         self._rivals = [ForgettingVar(axes, max(round(order * shrink), 6), memory * shrink, cross)
                         for order, memory, cross, _ in RIVALS]
+        self._worth = [samples * shrink for *_, samples in RIVALS]
         self._fit = SeakeepingFit(which, grid)
         self._steps = np.unique([max(round(time / step), 1) for time in self.HORIZONS])
         self.times: Array = self._steps * step - grid.age
@@ -183,8 +182,8 @@ class JointModel:
         self._fitted = np.zeros(number, bool)
         self._fitted[-2:] = True
         self._combination = Combination(h, axes, number, self.HALF_LIFE / step)
-        self._weights = np.zeros((h, number))
-        self._weights[:, -1] = 1.0
+        self._weights = np.zeros((h, axes, number))
+        self._weights[..., -1] = 1.0
         self._losses = np.ones(number)
         self._combined = np.zeros((self._ahead * axes, width)), np.zeros((self._ahead, axes))
 
@@ -337,7 +336,11 @@ class JointModel:
         """Let the fit of ship and sea learn the slots since its last turn and go one step."""
         fit = self._fit
         if self.heading is not None:
-            fit.head(self.heading)
+            kept = fit.head(self.heading)
+            if kept < 1:  # motion in another sea was learned, and who was good at it
+                for rival in self._rivals:
+                    rival.fade(kept)
+                self._combination.fade(kept, self.BASIS)
         new = min(2 * self._every, self._run // self.grid.ticks - fit.order)
         if new > 0:
             slots = self._newest(fit.order + new)[::-1] - self._smooth_mean(self.AFLOAT)
@@ -352,8 +355,8 @@ class JointModel:
         self._learned[index] = self._turn
         if new > 0:
             rival.learn(self._newest(rival.order + new)[::-1], np.array(self._known)[-new:])
-        samples = RIVALS[index][-1]
-        expected = self._fit.expected(rival.order, samples) if samples else None
+        worth = self._worth[index]
+        expected = self._fit.expected(rival.order, worth) if worth else None
         if expected is None and not rival.is_ready:
             return
         if (rival.memory > self.LONG and rival.weight > self.WELL_FED * rival.order
@@ -390,20 +393,21 @@ class JointModel:
         """Renew the weights and the combined forecast of all but the guest."""
         self._losses = self._combination.losses(self._noise_var + self.LEAST)
         scored = self._combination.scored >= self.BASIS  # before, the guest speaks alone
-        self._weights = np.where(scored[:, None], self._combination.weights(
+        self._weights = np.where(scored[:, None, None], self._combination.weights(
             self._speaking, self._noise_var + self.LEAST), self._weights)
         self._offset[-1] = self._mean
-        own = self._weights[:, :-1] + np.eye(len(self._weights[0]) - 1)[-1] * 1e-12
-        own /= own.sum(axis=1, keepdims=True)
-        steps = np.arange(1, self._ahead + 1)
-        used = np.flatnonzero(own.max(axis=0) > 1e-6)
-        shares = np.stack([np.interp(steps, self._steps, own[:, k]) for k in used], axis=1)
+        own = self._weights[..., :-1] + np.eye(len(self._spoke[0]) - 1)[-1] * 1e-12
+        own /= own.sum(axis=-1, keepdims=True)
+        steps = np.arange(1.0, self._ahead + 1)
+        used = np.flatnonzero(own.max(axis=(0, 1)) > 1e-6)
+        at, u = _place(steps, self._steps)
+        shares = own[at] + u[:, None, None] * (own[at + 1] - own[at])
         forecast = np.zeros_like(self._forecast[0])
-        for k, column in zip(used, shares.T, strict=True):
+        for k in used:
             width = self._widths[k]
-            forecast[..., :width] += column[:, None, None] * self._forecast[k, ..., :width]
+            forecast[..., :width] += shares[..., k, None] * self._forecast[k, ..., :width]
         self._combined = (forecast.reshape(-1, forecast.shape[2]),
-                          np.einsum('kj,jka->ka', shares, self._offset[used]))
+                          np.einsum('kaj,jka->ka', shares, self._offset))
 
     def _trajectory(self, past: Array) -> Array:
         """Look ahead: the coming slots, shape (ahead, m), without the guest."""
@@ -426,7 +430,7 @@ class JointModel:
         self._spoke[at] = self._speaking
         slots = np.vstack([past[1::-1], self._trajectory(past)])
         slope = np.einsum('k,hka->ha', SLOPE, slots[steps[:, None] + np.arange(-1, 4)])
-        share = self._weights[:, -1, None]
+        share = self._weights[..., -1]
         self._promised[at] = (share * guest[0] + (1 - share) * slots[steps + 1],
                               share * guest[1] + (1 - share) * slope / self.grid.step,
                               np.where(self._combination.scored[:, None] < self.BASIS, np.inf,
@@ -435,8 +439,8 @@ class JointModel:
     def _renew_spread(self) -> None:
         """Renew promised sds, and what the outlook says of covariances, once a slot."""
         cov = self._combination.covariance
-        weighted = np.einsum('hj,haji->hai', self._weights, cov)
-        var = np.einsum('hai,hi->ha', weighted, self._weights)
+        weighted = np.einsum('haj,haji->hai', self._weights, cov)
+        var = np.einsum('hai,hai->ha', weighted, self._weights)
         self._sd = np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST)
         unit = self._sd[:, :, None] * self._sd[:, None, :] / self._number[:, None, None]
         noise = self._noise_var
@@ -454,7 +458,7 @@ class JointModel:
             slots = np.vstack([past[self.BACK - 1::-1], self._trajectory(past)])
             motion = self._readout @ slots
             motion[0] += self._origin
-            self._seen = JointOutlook(time, motion, self.times, self._weights[:, -1], self._cov,
+            self._seen = JointOutlook(time, motion, self.times, self._weights[..., -1], self._cov,
                                       self._trust)
         return self._seen
 

@@ -120,7 +120,7 @@ class SeakeepingFit:
     LEAST = 40.0  # slots to begin with
     COARSE, FINE = (22, 7), (56, 11)  # waves: to fit, to tell
     CLIMB = 6  # steps that a challenger has
-    YAWING, TURN = 0.09, 0.17  # rad: turns to be ignored; by which what was seen counts 1/e
+    YAWING, TURN = 0.09, 0.1  # rad: turns to be ignored; by which what was seen counts 1/e
     WATCH = 10  # headings over which a turn is seen
 
     def __init__(self, axes: Sequence[int], grid: Grid) -> None:
@@ -154,13 +154,24 @@ class SeakeepingFit:
         self._moments *= share
         self._weight *= share
 
-    def head(self, heading: float) -> None:
-        """Use the ship's heading (rad, no jumps): the sea turns the other way, the past fades."""
+    def head(self, heading: float) -> float:
+        """
+        Use the ship's heading (rad, no jumps): the sea turns the other way, the past fades.
+
+        Returns
+        -------
+        float
+            The share of what was learned that still counts.
+
+        """
+        turned = 0.0
         if self._headings:
             self._climbers[:, HEADING] -= heading - self._headings[-1]
             turned = max(abs(heading - self._headings[0]) - self.YAWING, 0.0)
-            self._forget(exp(-turned / self.TURN / self.WATCH))
         self._headings.append(heading)
+        share = exp(-turned / self.TURN / self.WATCH)
+        self._forget(share)
+        return share
 
     def improve(self, noise_var: Array) -> None:
         """Go one step; ``noise_var``, shape (m,), is that of a slot."""

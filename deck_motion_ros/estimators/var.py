@@ -114,6 +114,13 @@ class ForgettingVar:
         """Forget quickly for so many samples: what was learned holds no more."""
         self._hurry = samples
 
+    def fade(self, share: float) -> None:
+        """Let all that was learned count so much less."""
+        self.moments *= share
+        self.sums *= share
+        self.weight *= share
+        self.prior *= share
+
     @property
     def is_ready(self) -> bool:
         """Say whether there are samples enough for a first model."""

@@ -39,6 +39,21 @@ def test_old_samples_are_forgotten():
     assert var.solve(np.zeros(1), np.zeros(1)).coefficients[0, 0] == pytest.approx(-0.9, abs=0.1)
 
 
+def test_what_has_faded_gives_way_to_what_is_new():
+    rng = np.random.default_rng(6)
+    first, then = rng.standard_normal((2, 500, 1))
+    var, fresh = (ForgettingVar(1, 2, memory=np.inf) for _ in range(2))
+    var.learn(np.cumsum(first, axis=0))
+    half = var.learned(np.zeros(1)) / 2
+    var.fade(0.5)
+    np.testing.assert_allclose(var.learned(np.zeros(1)), half)
+    var.fade(1e-12)
+    var.learn(then)
+    fresh.learn(then)
+    found, alone = (each.solve(np.zeros(1), np.zeros(1)).coefficients for each in (var, fresh))
+    np.testing.assert_allclose(found, alone, atol=1e-6)
+
+
 def test_samples_that_were_not_measured_teach_nothing():
     rng = np.random.default_rng(3)
     y = np.cumsum(rng.standard_normal((300, 1)), axis=0)
@@ -84,10 +99,46 @@ def test_weights_are_those_of_independent_errors():
         combination.score(errors, np.ones((1, 3), bool))
     everybody = np.ones(3, bool)
     combination.RIDGE = 0.0
-    np.testing.assert_allclose(combination.weights(everybody, np.zeros(1)), [[0.8, 0.2, 0.0]],
+    np.testing.assert_allclose(combination.weights(everybody, np.zeros(1)), [[[0.8, 0.2, 0.0]]],
                                atol=0.01)
     silent = np.array([False, True, True])
-    assert combination.weights(silent, np.zeros(1))[0, 0] == 0
+    assert combination.weights(silent, np.zeros(1))[0, 0, 0] == 0
+
+
+def test_axes_share_what_they_say_of_the_rivals():
+    combination = Combination(1, 2, 2, half_life=1e9)
+    rng = np.random.default_rng(7)
+    size = np.array([[1.0, 3.0], [2.0, 1.0]])  # rival, axis
+    for errors in rng.standard_normal((20000, 1, 2, 2)) * size:
+        combination.score(errors, np.ones((1, 2), bool))
+    combination.RIDGE = 0.0
+    both = np.ones(2, bool)
+
+    def weights(pooled):
+        combination.POOLED = pooled
+        return combination.weights(both, np.zeros(2))[0]
+
+    np.testing.assert_allclose(weights(0.0), [[0.8, 0.2], [0.1, 0.9]], atol=0.01)
+    own, pooled = np.array([[1, 4], [9, 1]]), np.array([5, 2.5])  # over the best one's
+    for share in (0.4, 1.0):
+        var = own + share * (pooled - own)
+        np.testing.assert_allclose(weights(share), var[:, ::-1] / var.sum(axis=1)[:, None],
+                                   atol=0.01)
+
+
+def test_after_fading_few_errors_turn_the_weights():
+    combination = Combination(1, 1, 2, half_life=1e9)
+    both, before = np.ones((1, 2), bool), np.array([[[1.0], [3.0]]])
+    for k in range(1000):
+        combination.score(before * (-1)**k, both)
+    combination.fade(1e-6, least=20.0)
+    assert combination.scored == 20
+    np.testing.assert_allclose(combination.covariance[0, 0], [[1, 3], [3, 9]])
+    combination.fade(1e-6, least=20.0)
+    assert combination.scored == 20
+    for k in range(20):
+        combination.score(before[:, ::-1] * (-1)**k, both)
+    np.testing.assert_allclose(np.diag(combination.covariance[0, 0]), 5)
 
 
 def test_a_newcomer_is_taken_for_a_little_worse_than_the_best():
@@ -296,7 +347,8 @@ def test_a_profile_warms_the_start(four_hertz):
     for name, given in (('cold', None), ('warm', profile), ('foreign', {'grid': np.ones(5)})):
         found, _ = errors_along(AdaptivePredictor(given), other, times[:480], again, start)
         errors[name] = np.sqrt(np.mean(np.square(found - (0.03, -0.01, 0.4)), axis=0))
-    assert np.mean(errors['warm'] / errors['cold']) < 0.85
+    gain = errors['warm'] / errors['cold']
+    assert gain.max() < 1 and gain.mean() < 0.85
     np.testing.assert_array_equal(errors['foreign'], errors['cold'])
 
 

@@ -95,6 +95,18 @@ def test_a_turn_of_the_ship_turns_the_sea_the_other_way(bow_sea):
     assert bow_sea.params[HEADING] == pytest.approx(before - 0.5)
 
 
+def test_a_turn_counts_alike_however_slow_and_swinging_counts_nothing():
+    def kept(headings):
+        fit = SeakeepingFit(AXES, GRID)
+        return np.prod([fit.head(heading) for heading in headings])
+
+    quarter = np.pi / 2
+    quick, slow = (kept(np.append(np.linspace(0, quarter, steps), np.full(20, quarter)))
+                   for steps in (3, 20))
+    assert quick < 1e-3 and slow < 1e-3
+    assert kept(0.04 * np.sin(np.arange(100))) == 1
+
+
 @pytest.mark.parametrize('axes', [(HEAVE,), (ROLL, PITCH)])
 def test_is_content_with_the_axes_that_come(axes):
     assert np.isfinite(fitted(sailed(120, 2)[1], axes=axes).expected(4, 1.0)).all()
