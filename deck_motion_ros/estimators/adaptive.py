@@ -227,10 +227,12 @@ class AdaptivePredictor:
         filtered = self._filters[axis]
         if not self._gates[axis].admits(value - filtered.expected(time)):
             return
-        filtered.measure(time, value, var)
+        stuck = time - self._changed[axis] > self.STUCK
+        if not (stuck and filtered.usual > var):  # a ship at rest may stay there
+            filtered.measure(time, value, var)
         if since < self.LONGEST_GAP:
             self._intervals[axis].append(since)
-        if time - self._changed[axis] > self.STUCK:
+        if stuck:
             return
         if self._resampler is None:
             kept = [when for when, other, _ in reversed(self._looked_at) if other == axis]

@@ -278,7 +278,7 @@ class JointModel:
             self._refit(self._turn // self._every % len(self._rivals))
         if self._turn % (2 * self._every) == 0:
             self._fit_ship()
-        if self._turn % self.WEIGH_EVERY == 0:
+        if self._turn % self.WEIGH_EVERY == 0 or self._run == self.grid.ticks:
             self._weigh()
         self._renew_spread()
         if guest is not None:
@@ -433,8 +433,7 @@ class JointModel:
         share = self._weights[..., -1]
         self._promised[at] = (share * guest[0] + (1 - share) * slots[steps + 1],
                               share * guest[1] + (1 - share) * slope / self.grid.step,
-                              np.where(self._combination.scored[:, None] < self.BASIS, np.inf,
-                                       self._sd))
+                              np.where(self._tested[:, None] < self.BASIS, np.inf, self._sd))
 
     def _renew_spread(self) -> None:
         """Renew promised sds, and what the outlook says of covariances, once a slot."""
@@ -448,8 +447,13 @@ class JointModel:
         self._cov = widen * np.stack([
             _without(unit * self._errors[0], noise),
             _without(unit * self._errors[1], noise * (SLOPE @ SLOPE) / self.grid.step**2)])
-        self._trust = float(np.clip((self._number.min() - self.BELIEF) * self.grid.step
-                                    / self.TRIAL, 0.0, 1.0))
+        tested = min(self._number.min() - self.BELIEF, self._tested.min())
+        self._trust = float(np.clip(tested * self.grid.step / self.TRIAL, 0.0, 1.0))
+
+    @property
+    def _tested(self) -> Array:
+        """Slots scored, shape (horizons,); after an interruption nobody is himself at once."""
+        return np.minimum(self._combination.scored, self._run // self.grid.ticks)
 
     def outlook(self, time: float) -> JointOutlook:
         """Freeze what is known at the newest instant, ``time`` (s)."""

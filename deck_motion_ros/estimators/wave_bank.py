@@ -160,17 +160,20 @@ class BankOutlook:
         Probability of each model; variance of the motion, should it be right.
     modes : ndarray, shape (models, half)
         Estimates.
+    usual : float
+        Variance of the motion over minutes: where nothing is known, the uncertainty is no less.
 
     """
 
-    __slots__ = ('time', '_certainty', '_chosen', '_weights', '_sizes', '_modes', '_rates',
-                 '_parts')
+    __slots__ = ('time', '_certainty', '_chosen', '_weights', '_sizes', '_modes', '_usual',
+                 '_rates', '_parts')
     FAITH = 3e-3  # of the best model's probability: below, a model does not count
 
     def __init__(self, time: float, certainty: Certainty, weights: Array, sizes: Array,
-                 modes: Complex) -> None:
-        self.time, self._certainty, self._sizes = time, certainty, sizes
+                 modes: Complex, usual: float) -> None:
+        self.time, self._certainty, self._usual = time, certainty, usual
         self._chosen = chosen = np.flatnonzero(weights > self.FAITH * weights.max())
+        self._sizes = sizes[chosen, None]
         self._weights = weights[chosen] / weights[chosen].sum()
         self._modes: Complex = WaveBank.READ * modes[chosen]
         self._rates: Complex = certainty.bank.rates[chosen]
@@ -194,12 +197,15 @@ class BankOutlook:
         known = stationary - self._certainty.cov[self._chosen]
         rates = self._rates[:, :, None]
         turn = np.exp(rates * self._ahead(time, horizons))
+        usual = self._usual / variance(np.ones_like(rates), stationary)
         var = np.zeros((2, turn.shape[2]))
         for kind, factor in enumerate((np.ones_like(rates), rates)):
-            own = variance(factor, stationary) - variance(factor * turn, known)
+            whole = variance(factor, stationary)
+            own = whole - variance(factor * turn, known)
+            sizes = self._sizes + own / whole * np.maximum(usual - self._sizes, 0)
             each = ((factor * turn)[:, :WaveBank.HALF] * self._modes[:, :, None]).real.sum(axis=1)
             away = each - self._weights @ each
-            var[kind] = self._weights @ (self._sizes[self._chosen, None] * own + away * away)
+            var[kind] = self._weights @ (sizes * own + away * away)
         return var
 
     def _ahead(self, time: float, horizons: Array) -> Array:
@@ -220,10 +226,16 @@ class BankAxis:
     start : Certainty
         Before any measurement.
 
+    Attributes
+    ----------
+    usual : float
+        Variance of the motion over minutes.
+
     """
 
     BIN = 0.5  # s
     HALF_LIFE = 20.0  # s of what came
+    USUAL_HALF_LIFE = 200.0  # s, for the motion's variance
     EXPECTED = 0.1  # measurements that the expected size weighs
     DOUBT, LEAST = 0.1, 1e-18  # share of a measurement's variance, and variance (rad^2, m^2),
     # that even a stuck sensor leaves
@@ -233,6 +245,7 @@ class BankAxis:
         self._certainty, self._expected = start, self.EXPECTED * sd * sd
         self._modes: Complex = np.zeros((models, start.bank.HALF), complex)
         self._squares, self._logs, self._number = np.zeros(models), np.zeros(models), 0.0
+        self._mean = self.usual = self._weight = 0.0
         self._time = self._newest = self._first = -inf
         self._count, self._since, self._sum = 0, 0.0, 0.0
         self._weights = np.full(models, 1 / models)
@@ -264,6 +277,10 @@ class BankAxis:
             error * error + self.DOUBT * var + self.LEAST) / now.var
         self._logs = fade * self._logs + now.log_var
         self._number = fade * self._number + 1
+        self._weight = 0.5 ** (step / self.USUAL_HALF_LIFE) * self._weight + 1
+        away = value - self._mean
+        self._mean += away / self._weight
+        self.usual += (away * (value - self._mean) - self.usual) / self._weight
         # of Gaussian errors whose size is not known
         likelihood = (self._logs + self._number * np.log(self._squares)) / -2
         weights = np.exp(likelihood - likelihood.max())
@@ -287,5 +304,5 @@ class BankAxis:
         if self._outlook is None:
             sizes = (self._squares + self._expected) / (self._number + self.EXPECTED)
             self._outlook = BankOutlook(self._time, self._certainty, self._weights, sizes,
-                                        self._modes)
+                                        self._modes, self.usual)
         return self._outlook

@@ -47,7 +47,9 @@ def test_equals_the_gaussian_process_solved_at_once():
     rng, horizons = np.random.default_rng(1), np.array([0.4, 1.0, 3.0, 8.0])
     times = np.cumsum(rng.uniform(0.6, 1.6, 30))  # uneven
     values, = drawn(rng, times)
-    outlook = feed(BankAxis(1.0, Certainty(ONE)), times, values).outlook()
+    axis = feed(BankAxis(1.0, Certainty(ONE)), times, values)
+    axis.usual = 0.0  # of this record alone
+    outlook = axis.outlook()
     prior = covariance(times[:, None] - times) + NOISE * np.eye(len(times))
     ahead = times[-1] + horizons
     gain = np.linalg.solve(prior, covariance(times[:, None] - ahead)).T
@@ -69,6 +71,16 @@ def test_the_expected_value_is_the_outlook_now():
     axis = feed(BankAxis(1.0, Certainty(BANK)), times, wave(times, 8.0))
     for time in (29.5, 29.6, 29.9, 30.2, 31.0, 40.0):
         assert axis.expected(time) == pytest.approx(axis.outlook().mean(time), abs=3e-3)
+
+
+def test_between_two_groups_the_far_future_is_as_wide_as_the_motion_of_minutes():
+    times = np.arange(0.0, 330.0, 0.5)
+    values = np.where(times < 300, 1.0, 0.1) * wave(times, 8.0)
+    axis = feed(BankAxis(1.0, Certainty(BANK)), times, values)
+    near, far = np.sqrt(axis.outlook().spread(329.5, np.array([1.0, 120.0]))[0])
+    assert near < 0.2
+    assert axis.usual == pytest.approx(np.var(values), rel=0.1)
+    assert 0.8 * np.std(values) < far < 1.3 * np.std(values)
 
 
 @pytest.mark.parametrize('rate', [1.0, 2.0, 10.0, 1000.0])
