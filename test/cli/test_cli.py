@@ -127,5 +127,5 @@ def test_palmer_by_the_readme(data_dir, tmp_path, capfd):
                          tmp_path / 'palmer.html')
     assert status == 0
     first, second = out.splitlines()[:2]
-    assert 0.3 < float(first.split('error of ')[1].split(' m')[0]) < 0.75
+    assert 0.2 < float(first.split('error of ')[1].split(' m')[0]) < 0.35
     assert float(second.split('wrong by ')[1].split(' m')[0]) == pytest.approx(2.25, abs=0.02)
