@@ -181,6 +181,7 @@ class JointModel:
         self._widths = [*(rival.order * axes for rival in self._rivals), 0]
         self._fitted = np.zeros(number, bool)
         self._fitted[-2:] = True
+        self._introduced = self._fitted.copy()
         self._combination = Combination(h, axes, number, self.HALF_LIFE / step)
         self._weights = np.zeros((h, axes, number))
         self._weights[..., -1] = 1.0
@@ -372,9 +373,7 @@ class JointModel:
         self._forecast[index, ..., :width] = forecast
         self._scored[index, ..., :width] = forecast[self._steps - 1]
         self._offset[index] = offset
-        if not self._fitted[index]:
-            self._fitted[index] = True
-            self._combination.introduce(index, self._speaking)
+        self._fitted[index] = True
 
     def _smooth_mean(self, memory: float) -> Array:
         """Average the last two memories with a Hann window: waves cancel as in no plain mean."""
@@ -391,6 +390,9 @@ class JointModel:
 
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
+        for index in np.flatnonzero(self._speaking & ~self._introduced).tolist():
+            self._combination.introduce(index, self._speaking & self._introduced)
+            self._introduced[index] = True
         self._losses = self._combination.losses(self._noise_var + self.LEAST)
         scored = self._combination.scored >= self.BASIS  # before, the guest speaks alone
         self._weights = np.where(scored[:, None, None], self._combination.weights(

@@ -74,9 +74,10 @@ def short():
 
 def test_nobody_beats_the_floor(short):
     before = short.windows.index('before')
-    for method in METHODS:
-        if method != 'zero':  # at 10 s a short record may by chance favour it, a little everybody
-            assert np.all(short.rmse[method][before, :4] > 0.95 * short.floor[before, :4]), method
+    for method in METHODS:  # at 10 s a short record may by chance favour zero, at one everybody
+        if method != 'zero':
+            ratio = short.rmse[method][before, :4] / short.floor[before, :4]
+            assert np.exp(np.mean(np.log(ratio))) > 0.97, method
 
 
 def test_windows_follow_the_manoeuvre(short):
