@@ -53,7 +53,7 @@ class RecoveryScenario:
 
     seed: int = 202611
     rate: float = 4.0
-    duration: float = 660.0
+    duration: float = 1200.0
     start: float = 300.0
     passing: float = 60.0
     lever_arm: Vector3 = (-60.0, 2.0, 6.0)
