@@ -17,8 +17,8 @@ from deck_motion_ros.samples import Array
 
 # order, memory (both in slots of about 0.5 s), samples that couplings must be worth, samples that
 # what ships do in waves is worth
-RIVALS = ((24, 600, 0, 0), (36, 200, 50, 0), (60, 300, 20, 0), (60, 2400, 0, 300),
-          (80, 10000, 0, 300), (60, 300, 0, 3000))
+RIVALS = ((24, 600, 0, 0), (36, 200, 50, 0), (60, 300, 20, 0), (100, 2400, 0, 1000),
+          (100, 10000, 0, 3000), (100, 300, 0, 30000))
 SPACING = 0.5
 KNOTS: Array = SPACING * np.arange(25.0)  # s ahead
 # cubics 1, u, u^2, u^3 through two knots, of value and rate: factors of the values there and of

@@ -116,9 +116,9 @@ class SeakeepingFit:
     """
 
     PAST = 6.0  # s before a slot that its likelihood is conditional on
-    MEMORY = 100.0  # s after which a slot counts 1/e
+    MEMORY = 150.0  # s after which a slot counts 1/e
     LEAST = 40.0  # slots to begin with
-    COARSE, FINE = (22, 7), (56, 11)  # waves: to fit, to tell
+    COARSE, FINE = (22, 15), (56, 21)  # waves: to fit, to tell
     CLIMB = 6  # steps that a challenger has
     YAWING, TURN = 0.09, 0.1  # rad: turns to be ignored; by which what was seen counts 1/e
     WATCH = 10  # headings over which a turn is seen
@@ -280,6 +280,7 @@ class SeakeepingFit:
             np.tensordot(by_gain @ past[0], by_gain, axes=((1, 2), (1, 2)))
             + np.tensordot(by_missed, by_missed, axes=((1, 2), (2, 1))) / 2)
         info += np.diag(BELIEF[:, 1]**-2.0 + 1e-6)
+        slope -= np.diag(info) * DELTA / 2
         info += self._damping[who] * np.diag(np.diag(info))
         # rounded: computers that round differently go the same way
         there = np.round(here + np.clip(-np.linalg.solve(info, slope), -REACH, REACH), 5)
