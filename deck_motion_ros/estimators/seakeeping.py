@@ -8,6 +8,7 @@ from functools import cache
 from math import exp, log, pi
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from deck_motion_ros.estimators.resampling import Grid
@@ -143,7 +144,7 @@ class SeakeepingFit:
 
     def learn(self, slots: Array, known: NDArray[np.bool_]) -> None:
         """Take slots about their mean, shape (order + k, m); ``known``, shape (k,), the new."""
-        rows = np.lib.stride_tricks.sliding_window_view(slots, self.order + 1, axis=0)
+        rows = sliding_window_view(slots, self.order + 1, axis=0)
         rows = rows[:, :, ::-1].transpose(0, 2, 1).reshape(len(rows), -1)
         weights = self._fade ** np.arange(len(rows) - 1, -1, -1.0) * known
         self._forget(self._fade ** len(rows))
@@ -232,10 +233,13 @@ class SeakeepingFit:
         if self._grid.ticks > 1:
             response = response * np.sinc(omega * step / (2 * pi))[:, None]
         cross = (response[:, :, None] * response[:, None].conj()).reshape(len(params), m * m, -1)
-        wave = np.ones((lags + 1, *omega.shape), complex)
-        turn = np.exp(1j * step * omega)
-        for k in range(lags):
-            np.multiply(wave[k], turn, out=wave[k + 1])
+        wave = np.empty((lags + 1, *omega.shape), complex)
+        wave[0], wave[1:2] = 1.0, np.exp(1j * step * omega)
+        done = 1
+        while done < lags:
+            more = wave[1:lags + 1 - done][:done]
+            np.multiply(more, wave[done], out=wave[done + 1:][:len(more)])
+            done += len(more)
         # real part of wave times cross, as one product of reals
         flat = wave.view(float).transpose(1, 0, 2)
         cov = (flat @ cross.conj().view(float).transpose(0, 2, 1)).reshape(
@@ -248,8 +252,8 @@ class SeakeepingFit:
         m = len(self._axes)
         second = block_toeplitz(self._covariances(params, self.order, self.COARSE))
         past, cross = second[:, m:, m:], second[:, m:, :m]
-        past = past + 1e-6 * np.einsum('bii->bi', past)[:, None] * np.eye(past.shape[1])
-        gain = np.linalg.solve(past, cross).transpose(0, 2, 1)
+        np.einsum('bii->bi', past)[:] *= 1 + 1e-6
+        gain = np.asarray(np.linalg.solve(past, cross).transpose(0, 2, 1))
         missed = second[:, :m, :m] - gain @ cross
         return gain, (missed + missed.transpose(0, 2, 1)) / 2, past
 
@@ -296,14 +300,17 @@ class SeakeepingFit:
         """Return second moments as ``ForgettingVar.learned`` would of so many samples, if any."""
         if self.params is None:
             return None
-        cov = block_toeplitz(self._covariances(self.params[None], order, self.FINE))[0]
-        return samples * np.vstack([cov, np.ones(len(cov))])
+        second = block_toeplitz(
+            samples * self._covariances(self.params[None], order, self.FINE))[0]
+        return np.vstack([second, np.full(len(second), samples)])
 
 
 def block_toeplitz(covs: Array) -> Array:
     """Return E[z z'] of z = (y(t), y(t - 1), ...) from E[y(t + k) y(t)'], shape (b, k, m, m)."""
     count, lags, m, _ = covs.shape
-    both = np.concatenate([covs[:, :0:-1].transpose(0, 1, 3, 2), covs], axis=1)
-    lag = np.arange(lags)
-    return np.asarray(both[:, lag - lag[:, None] + lags - 1].transpose(0, 1, 3, 2, 4)
-                      .reshape(count, lags * m, lags * m))
+    # one axis now, all at the lags 1 - lags ... lags - 1: what the matrix has in its rows
+    across = np.concatenate([covs[:, :0:-1].transpose(0, 3, 1, 2), covs.transpose(0, 2, 1, 3)],
+                            axis=2).reshape(count, m, -1)
+    second = np.empty((count, lags, m, lags * m))
+    second[:] = sliding_window_view(across, lags * m, axis=2)[:, :, ::-m].transpose(0, 2, 1, 3)
+    return second.reshape(count, lags * m, lags * m)
