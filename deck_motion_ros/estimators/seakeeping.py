@@ -73,21 +73,27 @@ def responses(params: Array, frequencies: int, directions: int
     beam, draught, block = length / 7.3, length / 23.5, 0.53
     encounter = omega - kx * speed
     alpha = encounter / omega
-    kt, kb, half = k * draught, k * beam * block, kx * length / 2
-    mean = np.sinc(half / pi)  # of a wave over the hull
+    square_alpha = alpha * alpha
+    kt, kb, half = k * draught, k * (beam * block), kx * (length / 2)
+    mean = _sinc(half)  # of a wave over the hull
     square = half * half + 1e-6
     root = np.sqrt(square)
     slope = 3 * (np.sin(root) / root - np.cos(root)) / square
-    force = kb * alpha * (np.sinc(kb * alpha**2 / (2 * pi)) * np.exp(-kt * alpha**2))**2
-    oscillator = np.exp(-kt) * np.hypot(1 - kt, force) / (
-        1 - 2 * kt * alpha**2 + 1j * np.abs(alpha) * force)
-    tune = encounter / (2 * pi) * roll_period * (length / 130)**0.7
-    roll = np.exp(-kt / 2) * mean * np.sinc(ky * beam / (2 * pi)) / (
-        1 - tune**2 + 2j * damping * tune)
-    response = amplitude[:, None] * np.stack([
-        -1j * ky * roll * roll_gain, 1j * kx * slope * oscillator * pitch_gain,
+    force = kb * alpha * (_sinc(kb / 2 * square_alpha) * np.exp(-kt * square_alpha))**2
+    oscillator = amplitude * np.exp(-kt) * np.sqrt((1 - kt)**2 + force * force) / (
+        1 - 2 * kt * square_alpha + 1j * np.abs(alpha) * force)
+    tune = encounter * (roll_period * (length / 130)**0.7 / (2 * pi))
+    roll = amplitude * np.exp(-kt / 2) * mean * _sinc(ky * (beam / 2)) / (
+        1 - tune * tune + 1j * (2 * damping * tune))
+    response = np.stack([
+        -1j * roll_gain * ky * roll, 1j * pitch_gain * kx * slope * oscillator,
         oscillator * mean], axis=1)
     return encounter.reshape(len(params), -1), response.reshape(len(params), 3, -1)
+
+
+def _sinc(phase: Array) -> Array:
+    phase = phase + 1e-30  # so that 0 gives 1
+    return np.asarray(np.sin(phase) / phase)
 
 
 @cache
@@ -231,8 +237,8 @@ class SeakeepingFit:
         omega, response = responses(params, *waves)
         response, step, m = response[:, self._axes], self._grid.step, len(self._axes)
         if self._grid.ticks > 1:
-            response = response * np.sinc(omega * step / (2 * pi))[:, None]
-        cross = (response[:, :, None] * response[:, None].conj()).reshape(len(params), m * m, -1)
+            response *= _sinc(omega * (step / 2))[:, None]
+        cross = response[:, :, None].conj() * response[:, None]
         wave = np.empty((lags + 1, *omega.shape), complex)
         wave[0], wave[1:2] = 1.0, np.exp(1j * step * omega)
         done = 1
@@ -240,10 +246,10 @@ class SeakeepingFit:
             more = wave[1:lags + 1 - done][:done]
             np.multiply(more, wave[done], out=wave[done + 1:][:len(more)])
             done += len(more)
-        # real part of wave times cross, as one product of reals
+        # real part of wave times cross conjugate, as one product of reals
         flat = wave.view(float).transpose(1, 0, 2)
-        cov = (flat @ cross.conj().view(float).transpose(0, 2, 1)).reshape(
-            len(params), lags + 1, m, m)
+        cov = (flat @ cross.view(float).reshape(len(params), m * m, -1).transpose(0, 2, 1)
+               ).reshape(len(params), lags + 1, m, m)
         cov[:, 0] += np.diag(self._noise_var)
         return np.asarray(cov)
 
@@ -267,7 +273,7 @@ class SeakeepingFit:
         came = whole @ self._moments @ whole.transpose(0, 2, 1)
         away = (params - BELIEF[:, 0]) / BELIEF[:, 1]
         return np.asarray(self._weight * np.linalg.slogdet(missed)[1]
-                          + np.einsum('bij,bji->b', np.linalg.inv(missed), came)
+                          + np.trace(np.linalg.solve(missed, came), axis1=1, axis2=2)
                           + np.sum(away**2, axis=1)) / 2
 
     def _climb(self, who: int) -> None:
@@ -280,9 +286,10 @@ class SeakeepingFit:
         precision = np.linalg.inv(missed[0])
         by_missed = precision @ (missed[1:] - missed[0]) / delta
         by_gain = np.linalg.cholesky(precision).T @ (gain[1:] - gain[0]) / delta
+        many = len(DELTA), -1
         info = self._weight * (
-            np.tensordot(by_gain @ past[0], by_gain, axes=((1, 2), (1, 2)))
-            + np.tensordot(by_missed, by_missed, axes=((1, 2), (2, 1))) / 2)
+            (by_gain @ past[0]).reshape(many) @ by_gain.reshape(many).T
+            + by_missed.reshape(many) @ by_missed.transpose(0, 2, 1).reshape(many).T / 2)
         info += np.diag(BELIEF[:, 1]**-2.0 + 1e-6)
         info += self._damping[who] * np.diag(np.diag(info))
         # rounded: computers that round differently go the same way
