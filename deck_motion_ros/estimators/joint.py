@@ -28,6 +28,7 @@ HERMITE = np.array([[[1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]]
 POWERS = np.arange(4)[:, None]
 HERMITE[0, 2:] *= SPACING
 HERMITE[1, :2] /= SPACING
+KINDS = np.array([[0], [1]])  # value, slope
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12  # of a cubic in its middle, by five points
 
 
@@ -63,10 +64,11 @@ class JointOutlook:
     def shares(self, ahead: Array) -> Array:
         """Return the guest's weights some seconds on and their slopes (1/s), shape (2, n, m)."""
         k, u = _place(ahead, self.times)
-        rise = np.diff(self.guest, axis=0)[k]
+        share = self.guest[k]
+        rise = self.guest[k + 1] - share
         inside = (ahead > self.times[0]) & (ahead < self.times[-1])
-        slope = inside / np.diff(self.times)[k]
-        return np.stack([self.guest[k] + u[:, None] * rise, slope[:, None] * rise])
+        slope = inside / (self.times[k + 1] - self.times[k])
+        return np.array([share + u[:, None] * rise, slope[:, None] * rise])
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
@@ -308,9 +310,9 @@ class JointModel:
         """Compare what was said for this slot with it."""
         horizons, past = np.arange(len(self._steps)), self._past(5)
         # the slope of two slots before: only now its other side is known
-        back = (self._turn - self._steps - [[0], [2]]) % len(self._spoke)
-        came = np.stack([past[0], SLOPE @ past[::-1] / self.grid.step])
-        promised = self._promised[back, [[0], [1]], horizons]
+        back = (self._turn - self._steps - 2 * KINDS) % len(self._spoke)
+        came = np.array([past[0], SLOPE @ past[::-1] / self.grid.step])
+        promised = self._promised[back, KINDS, horizons]
         sd = self._promised_sd[back, horizons]
         errors, kept = (promised - came[:, None]) / sd, np.isfinite(sd[..., 0])
         fade = np.where(kept, self._promise_fade, 1.0)

@@ -81,9 +81,10 @@ class ForgettingVar:
     def __init__(self, axes: int, order: int, memory: float, cross: float = 0.0) -> None:
         self.axes, self.order, self.memory, self._cross = axes, order, memory, cross
         n = axes * (order + 1)
-        self.moments: Array = np.zeros((n, n))  # above the diagonal; recalled ones about the mean
+        self.moments: Array = np.zeros((n, n))  # on and above the diagonal
         self.sums: Array = np.zeros(n)
-        self.weight = self._recalled = 0.0
+        self.weight = 0.0
+        self.recalled = 0.0  # samples of an earlier run, in the moments about its mean
         self._hurry = 0
         growth = np.exp(np.minimum(np.arange(1, order + 1) / self.RIDGE_LAGS, 12.0))
         self._ridge = np.repeat(self.RIDGE * growth, axes)
@@ -115,12 +116,12 @@ class ForgettingVar:
         self.moments = dsyrk(1.0, scaled.T, fade, self.moments.T, lower=1, overwrite_c=1).T
         self.sums = fade * self.sums + weights @ rows
         self.weight = fade * self.weight + float(weights.sum())
-        self._recalled *= fade
+        self.recalled *= fade
 
     def recall(self, learned: Array) -> None:
         """Start from what :meth:`learned` gave on an earlier run."""
         self.moments += learned[:-1]
-        self._recalled += float(learned[-1, 0])
+        self.recalled += float(learned[-1, 0])
 
     def forget(self, samples: int) -> None:
         """Forget quickly for so many samples: what was learned holds no more."""
@@ -131,20 +132,24 @@ class ForgettingVar:
         self.moments *= share
         self.sums *= share
         self.weight *= share
-        self._recalled *= share
+        self.recalled *= share
 
     @property
     def is_ready(self) -> bool:
         """Say whether there are samples enough for a first model."""
-        return self.weight + self._recalled >= max(20.0, 1.2 * self.order)
+        return self.weight + self.recalled >= max(20.0, 1.2 * self.order)
 
     def learned(self, mean: Array) -> Array:
-        """Return second moments about a mean, and in the last row their number of samples."""
+        """
+        Return second moments about a mean, and in the last row their number of samples.
+
+        Those below the diagonal mean nothing.
+        """
         mu = np.tile(mean, self.order + 1)
         half = self.sums - self.weight / 2 * mu
         learned = np.empty((len(mu) + 1, len(mu)))
         np.subtract(self.moments, np.column_stack([half, mu]) @ [mu, half], out=learned[:-1])
-        learned[-1] = self.weight + self._recalled
+        learned[-1] = self.weight + self.recalled
         return learned
 
     def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None) -> VarModel:
