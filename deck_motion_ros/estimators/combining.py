@@ -48,9 +48,9 @@ class Combination:
             Who forecast.
 
         """
-        pairs = (spoke[:, :, None] & spoke[:, None, :]).astype(float)
-        fade = 1 - (1 - self._fade) * pairs
-        vec = np.where(spoke[..., None], errors, 0.0).transpose(0, 2, 1)
+        pairs = spoke[:, :, None] & spoke[:, None, :]
+        fade = np.where(pairs, self._fade, 1.0)
+        vec = (errors * spoke[..., None]).transpose(0, 2, 1)
         self._sums *= fade[:, None]
         self._sums += vec[..., :, None] * vec[..., None, :]
         self._number *= fade

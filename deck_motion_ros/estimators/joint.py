@@ -28,6 +28,7 @@ HERMITE = np.array([[[1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]]
 POWERS = np.arange(4)[:, None]
 HERMITE[0, 2:] *= SPACING
 HERMITE[1, :2] /= SPACING
+KINDS = np.array([[0], [1]])  # value, slope
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12  # of a cubic in its middle, by five points
 
 
@@ -63,10 +64,11 @@ class JointOutlook:
     def shares(self, ahead: Array) -> Array:
         """Return the guest's weights some seconds on and their slopes (1/s), shape (2, n, m)."""
         k, u = _place(ahead, self.times)
-        rise = np.diff(self.guest, axis=0)[k]
+        share = self.guest[k]
+        rise = self.guest[k + 1] - share
         inside = (ahead > self.times[0]) & (ahead < self.times[-1])
-        slope = inside / np.diff(self.times)[k]
-        return np.stack([self.guest[k] + u[:, None] * rise, slope[:, None] * rise])
+        slope = inside / (self.times[k + 1] - self.times[k])
+        return np.array([share + u[:, None] * rise, slope[:, None] * rise])
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
@@ -153,8 +155,10 @@ class JointModel:
         self._worth = [samples * shrink for *_, samples in RIVALS]
         self._fit = SeakeepingFit(which, grid)
         self._steps = np.unique([max(round(time / step), 1) for time in self.HORIZONS])
+        self._around = self._steps[:, None] + np.arange(-1, 4)  # with one past slot before
         self.times: Array = self._steps * step - grid.age
         self._ahead = int((KNOTS[-1] + grid.age) / step) + self.BACK + 1
+        self._between = _place(np.arange(1.0, self._ahead + 1), self._steps)
         # rates are slopes of what is read, which err by less than rates read off the slots
         around = SPACING * np.arange(-2.0, len(KNOTS) + 2.0)
         read = readout(grid, np.asarray(around), self.BACK, self._ahead)
@@ -171,6 +175,7 @@ class JointModel:
         self._recent: deque[Array] = deque(maxlen=grid.ticks)
         self._mean: Array = np.zeros(axes)
         self._low = self._high = self._origin = np.zeros(axes)  # all below is about the origin
+        self._bounds = self._low, self._high
         self._noise_var: Array = np.zeros(axes)
 
         # forecasts of the coming slots, and at the scored steps: rivals and the mean
@@ -178,7 +183,7 @@ class JointModel:
         self._forecast = np.zeros((number - 1, self._ahead, axes, width))
         self._offset = np.zeros((number - 1, self._ahead, axes))
         self._scored = np.zeros((number - 1, h, axes, width))
-        self._widths = [*(rival.order * axes for rival in self._rivals), 0]
+        self._orders = np.array([*(rival.order for rival in self._rivals), 0, 0])
         self._fitted = np.zeros(number, bool)
         self._fitted[-2:] = True
         self._introduced = self._fitted.copy()
@@ -188,14 +193,16 @@ class JointModel:
         self._losses = np.ones(number)
         self._combined = np.zeros((self._ahead * axes, width)), np.zeros((self._ahead, axes))
 
-        # rings of what was said at the last slots; promised are value, slope and sd
+        # rings of what was said at the last slots; promised are value and slope, and their sd
         ring = int(self._steps[-1]) + 3
         self._said = np.zeros((ring, h, number, axes))
         self._spoke = np.zeros((ring, number), bool)
-        self._promised = np.full((ring, 3, h, axes), np.inf)
+        self._promised = np.zeros((ring, 2, h, axes))
+        self._promised_sd = np.full((ring, h, axes), np.inf)
         # moments of normalised errors: value, slope; before any came they are believed to be 1
         self._errors = self.BELIEF * np.broadcast_to(np.eye(axes), (2, h, axes, axes))
         self._number = np.full(h, self.BELIEF)
+        self._noise_share = np.array([[[1.0]], [[SLOPE @ SLOPE / step**2]]])  # of a slot's noise
         self._promise_fade = 0.5 ** (step / self.PROMISE_HALF_LIFE)
         self._alarm_fade = 0.5 ** (step / self.ALARM_HALF_LIVES)
         self._alarm: Array = np.ones(2)
@@ -208,7 +215,7 @@ class JointModel:
         self._recent.clear()
         self._known.clear()
         self._spoke[:] = False
-        self._promised[:] = np.inf
+        self._promised_sd[:] = np.inf
 
     def profile(self, axes: Sequence[int]) -> dict[str, Array]:
         """Return what the rivals have learned of these axes, for :meth:`recall`."""
@@ -228,7 +235,7 @@ class JointModel:
             learned = profile.get(f'rival{k}', np.zeros((1, 0)))
             if learned.shape[1] == len(stored) * (rival.order + 1):
                 rows = (np.arange(rival.order + 1)[:, None] * len(stored) + place).ravel()
-                rival.prior = learned[np.append(rows, -1)][:, rows]
+                rival.recall(learned[np.append(rows, -1)][:, rows])
 
     @property
     def ends_slot(self) -> bool:
@@ -269,12 +276,14 @@ class JointModel:
         self._turn += 1
         self._known.append(known)
         at = self._turn % len(self._spoke)
-        self._spoke[at], self._promised[at] = False, np.inf
+        self._spoke[at], self._promised_sd[at] = False, np.inf
         if not known:
             return
         slot = self._track[self._size - 1]
         self._low, self._high = np.minimum(self._low, slot), np.maximum(self._high, slot)
-        self._score(slot)
+        reach = (self._high - self._low) / 4
+        self._bounds = self._low - reach, self._high + reach
+        self._score()
         if self._turn % self._every == 1:
             self._refit(self._turn // self._every % len(self._rivals))
         if self._turn % (2 * self._every) == 0:
@@ -297,41 +306,29 @@ class JointModel:
         ticks, size = self.grid.ticks, self._size
         return self._track[size - 1 - (slots - 1) * ticks:size:ticks][::-1][:slots]
 
-    def _score(self, slot: Array) -> None:
+    def _score(self) -> None:
         """Compare what was said for this slot with it."""
-        rows, ring = np.arange(len(self._steps)), len(self._spoke)
-        back = (self._turn - self._steps) % ring
-        value, _, sd = self._promised[back, :, rows].transpose(1, 0, 2)
-        kept = np.isfinite(sd[:, 0])
-        errors = np.where(np.isfinite(sd), value - slot, 0.0) / sd
-        usual = self._usual(0)
-        worth = np.minimum(np.square(errors) / usual, self.WORST)[kept & (self.times < 3.1)]
+        horizons, past = np.arange(len(self._steps)), self._past(5)
+        # the slope of two slots before: only now its other side is known
+        back = (self._turn - self._steps - 2 * KINDS) % len(self._spoke)
+        came = np.array([past[0], SLOPE @ past[::-1] / self.grid.step])
+        promised = self._promised[back, KINDS, horizons]
+        sd = self._promised_sd[back, horizons]
+        errors, kept = (promised - came[:, None]) / sd, np.isfinite(sd[..., 0])
+        fade = np.where(kept, self._promise_fade, 1.0)
+        before, self._number = self._number, fade[0] * self._number + kept[0]
+        usual = np.einsum('khii->khi', self._errors) / np.array([before, self._number])[..., None]
+        worth = np.minimum(np.square(errors[0]) / usual[0], self.WORST)[
+            kept[0] & (self.times < 3.1)]
         if len(worth):
             self._alarm += (1 - self._alarm_fade) * (float(worth.mean()) - self._alarm)
-        tame = self._tame(errors, usual)
-        self._combination.score((self._said[back, rows] - slot) * tame[:, None],
-                                self._spoke[back])
-        self._number *= np.where(kept, self._promise_fade, 1.0)
-        self._number += kept
-        self._keep(0, errors * tame, kept)
-        # the slope two slots before, now that its other side is known
-        _, slope, sd = self._promised[back - 2, :, rows].transpose(1, 0, 2)
-        came = SLOPE @ self._past(5)[::-1] / self.grid.step
-        errors = np.where(np.isfinite(sd), slope - came, 0.0) / sd
-        self._keep(1, errors * self._tame(errors, self._usual(1)), np.isfinite(sd[:, 0]))
-
-    def _usual(self, kind: int) -> Array:
-        """Mean squares of the normalised errors, shape (horizons, m)."""
-        return np.asarray(np.einsum('hii->hi', self._errors[kind]) / self._number[:, None])
-
-    def _tame(self, errors: Array, usual: Array) -> Array:
-        """Scale what is beyond BEYOND of the usual back to it: the alarm is for that."""
-        return 1 / np.maximum(np.abs(errors) / (self.BEYOND * np.sqrt(usual)), 1.0)
-
-    def _keep(self, kind: int, errors: Array, kept: Mask) -> None:
-        fade = np.where(kept, self._promise_fade, 1.0)
-        self._errors[kind] *= fade[:, None, None]
-        self._errors[kind] += errors[:, :, None] * errors[:, None, :]
+        # what is beyond BEYOND of the usual is scaled back to it: the alarm is for that
+        tame = 1 / np.maximum(np.abs(errors) / (self.BEYOND * np.sqrt(usual)), 1.0)
+        self._combination.score((self._said[back[0], horizons] - past[0]) * tame[0, :, None],
+                                self._spoke[back[0]])
+        errors *= tame
+        self._errors *= fade[..., None, None]
+        self._errors += errors[..., :, None] * errors[..., None, :]
 
     def _fit_ship(self) -> None:
         """Let the fit of ship and sea learn the slots since its last turn and go one step."""
@@ -384,9 +381,7 @@ class JointModel:
     @property
     def _speaking(self) -> Mask:
         """Who has a model and the past it needs."""
-        slots = self._run // self.grid.ticks
-        return np.asarray(self._fitted & np.array(
-            [*(rival.order <= slots for rival in self._rivals), True, True]))
+        return np.asarray(self._fitted & (self._orders <= self._run // self.grid.ticks))
 
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
@@ -400,15 +395,10 @@ class JointModel:
         self._offset[-1] = self._mean
         own = self._weights[..., :-1] + np.eye(len(self._spoke[0]) - 1)[-1] * 1e-12
         own /= own.sum(axis=-1, keepdims=True)
-        steps = np.arange(1.0, self._ahead + 1)
-        used = np.flatnonzero(own.max(axis=(0, 1)) > 1e-6)
-        at, u = _place(steps, self._steps)
+        at, u = self._between
         shares = own[at] + u[:, None, None] * (own[at + 1] - own[at])
-        forecast = np.zeros_like(self._forecast[0])
-        for k in used:
-            width = self._widths[k]
-            forecast[..., :width] += shares[..., k, None] * self._forecast[k, ..., :width]
-        self._combined = (forecast.reshape(-1, forecast.shape[2]),
+        forecast = shares[:, :, None] @ self._forecast.transpose(1, 2, 0, 3)
+        self._combined = (forecast.reshape(-1, forecast.shape[3]),
                           np.einsum('kaj,jka->ka', shares, self._offset))
 
     def _trajectory(self, past: Array) -> Array:
@@ -418,39 +408,40 @@ class JointModel:
 
     def _bounded(self, slots: Array) -> Array:
         """Keep forecasts within what the axes have ever done, and half as much again."""
-        reach = self._high - self._low
-        return np.asarray(np.minimum(np.maximum(slots, self._low - reach / 4),
-                                     self._high + reach / 4))
+        low, high = self._bounds
+        return np.asarray(np.minimum(np.maximum(slots, low), high))
 
     def _say(self, at: int, guest: Array) -> None:
         """Note what everybody forecasts now, and what is promised of the combination."""
-        past, steps = self._past(self._reach), self._steps
+        past = self._past(self._reach)
         flat = self._scored.reshape(-1, self._scored.shape[3]) @ past.ravel()
-        said = self._bounded(flat.reshape(self._scored.shape[:3]) + self._offset[:, steps - 1])
-        self._said[at, :, :-1] = said.transpose(1, 0, 2)
+        said = flat.reshape(self._scored.shape[:3]) + self._offset[:, self._steps - 1]
+        self._said[at, :, :-1] = self._bounded(said).transpose(1, 0, 2)
         self._said[at, :, -1] = guest[0]
         self._spoke[at] = self._speaking
         slots = np.vstack([past[1::-1], self._trajectory(past)])
-        slope = np.einsum('k,hka->ha', SLOPE, slots[steps[:, None] + np.arange(-1, 4)])
+        around = slots[self._around]
+        own = np.array([around[:, 2], SLOPE @ around / self.grid.step])
         share = self._weights[..., -1]
-        self._promised[at] = (share * guest[0] + (1 - share) * slots[steps + 1],
-                              share * guest[1] + (1 - share) * slope / self.grid.step,
-                              np.where(self._tested[:, None] < self.BASIS, np.inf, self._sd))
+        self._promised[at] = share * guest + (1 - share) * own
+        self._promised_sd[at] = self._sd
 
     def _renew_spread(self) -> None:
         """Renew promised sds, and what the outlook says of covariances, once a slot."""
-        cov = self._combination.covariance
-        weighted = np.einsum('haj,haji->hai', self._weights, cov)
-        var = np.einsum('hai,hai->ha', weighted, self._weights)
-        self._sd = np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST)
-        unit = self._sd[:, :, None] * self._sd[:, None, :] / self._number[:, None, None]
-        noise = self._noise_var
+        weights = self._weights[..., None]
+        var = (self._combination.covariance @ weights * weights).sum(axis=(2, 3))
+        sd = np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST)
+        tested = self._tested
+        self._sd = np.where(tested[:, None] < self.BASIS, np.inf, sd)
+        cov = self._errors * (sd[:, :, None] * sd[:, None, :] / self._number[:, None, None])
+        # the noise of what came is set aside, at most half of the variance
+        noise = self._noise_var * self._noise_share / np.maximum(
+            np.einsum('khii->khi', cov), 1e-30)
+        root = np.sqrt(1 - np.minimum(noise, 0.5))
         widen = max(float(self._alarm[0]) / 1.5, min(float(self._alarm[1]) / 0.6, 1.0))
-        self._cov = widen * np.stack([
-            _without(unit * self._errors[0], noise),
-            _without(unit * self._errors[1], noise * (SLOPE @ SLOPE) / self.grid.step**2)])
-        tested = min(self._number.min() - self.BELIEF, self._tested.min())
-        self._trust = float(np.clip(tested * self.grid.step / self.TRIAL, 0.0, 1.0))
+        self._cov = widen * cov * root[..., :, None] * root[..., None, :]
+        kept = min(float(self._number.min()) - self.BELIEF, float(tested.min()))
+        self._trust = min(max(kept * self.grid.step / self.TRIAL, 0.0), 1.0)
 
     @property
     def _tested(self) -> Array:
@@ -467,13 +458,6 @@ class JointModel:
             self._seen = JointOutlook(time, motion, self.times, self._weights[..., -1], self._cov,
                                       self._trust)
         return self._seen
-
-
-def _without(cov: Array, noise: Array) -> Array:
-    """Set the noise of what came aside, at most half of the variance."""
-    var = np.einsum('hii->hi', cov)
-    root = np.sqrt(1 - np.minimum(noise / np.maximum(var, 1e-30), 0.5))
-    return np.asarray(cov * root[:, :, None] * root[:, None, :])
 
 
 def readout(grid: Grid, times: Array, back: int, ahead: int) -> Array:

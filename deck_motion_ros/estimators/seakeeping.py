@@ -8,6 +8,7 @@ from functools import cache
 from math import exp, log, pi
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from deck_motion_ros.estimators.resampling import Grid
@@ -72,21 +73,27 @@ def responses(params: Array, frequencies: int, directions: int
     beam, draught, block = length / 7.3, length / 23.5, 0.53
     encounter = omega - kx * speed
     alpha = encounter / omega
-    kt, kb, half = k * draught, k * beam * block, kx * length / 2
-    mean = np.sinc(half / pi)  # of a wave over the hull
+    square_alpha = alpha * alpha
+    kt, kb, half = k * draught, k * (beam * block), kx * (length / 2)
+    mean = _sinc(half)  # of a wave over the hull
     square = half * half + 1e-6
     root = np.sqrt(square)
     slope = 3 * (np.sin(root) / root - np.cos(root)) / square
-    force = kb * alpha * (np.sinc(kb * alpha**2 / (2 * pi)) * np.exp(-kt * alpha**2))**2
-    oscillator = np.exp(-kt) * np.hypot(1 - kt, force) / (
-        1 - 2 * kt * alpha**2 + 1j * np.abs(alpha) * force)
-    tune = encounter / (2 * pi) * roll_period * (length / 130)**0.7
-    roll = np.exp(-kt / 2) * mean * np.sinc(ky * beam / (2 * pi)) / (
-        1 - tune**2 + 2j * damping * tune)
-    response = amplitude[:, None] * np.stack([
-        -1j * ky * roll * roll_gain, 1j * kx * slope * oscillator * pitch_gain,
+    force = kb * alpha * (_sinc(kb / 2 * square_alpha) * np.exp(-kt * square_alpha))**2
+    oscillator = amplitude * np.exp(-kt) * np.sqrt((1 - kt)**2 + force * force) / (
+        1 - 2 * kt * square_alpha + 1j * np.abs(alpha) * force)
+    tune = encounter * (roll_period * (length / 130)**0.7 / (2 * pi))
+    roll = amplitude * np.exp(-kt / 2) * mean * _sinc(ky * (beam / 2)) / (
+        1 - tune * tune + 1j * (2 * damping * tune))
+    response = np.stack([
+        -1j * roll_gain * ky * roll, 1j * pitch_gain * kx * slope * oscillator,
         oscillator * mean], axis=1)
     return encounter.reshape(len(params), -1), response.reshape(len(params), 3, -1)
+
+
+def _sinc(phase: Array) -> Array:
+    phase = phase + 1e-30  # so that 0 gives 1
+    return np.asarray(np.sin(phase) / phase)
 
 
 @cache
@@ -143,7 +150,7 @@ class SeakeepingFit:
 
     def learn(self, slots: Array, known: NDArray[np.bool_]) -> None:
         """Take slots about their mean, shape (order + k, m); ``known``, shape (k,), the new."""
-        rows = np.lib.stride_tricks.sliding_window_view(slots, self.order + 1, axis=0)
+        rows = sliding_window_view(slots, self.order + 1, axis=0)
         rows = rows[:, :, ::-1].transpose(0, 2, 1).reshape(len(rows), -1)
         weights = self._fade ** np.arange(len(rows) - 1, -1, -1.0) * known
         self._forget(self._fade ** len(rows))
@@ -230,16 +237,19 @@ class SeakeepingFit:
         omega, response = responses(params, *waves)
         response, step, m = response[:, self._axes], self._grid.step, len(self._axes)
         if self._grid.ticks > 1:
-            response = response * np.sinc(omega * step / (2 * pi))[:, None]
-        cross = (response[:, :, None] * response[:, None].conj()).reshape(len(params), m * m, -1)
-        wave = np.ones((lags + 1, *omega.shape), complex)
-        turn = np.exp(1j * step * omega)
-        for k in range(lags):
-            np.multiply(wave[k], turn, out=wave[k + 1])
-        # real part of wave times cross, as one product of reals
+            response *= _sinc(omega * (step / 2))[:, None]
+        cross = response[:, :, None].conj() * response[:, None]
+        wave = np.empty((lags + 1, *omega.shape), complex)
+        wave[0], wave[1:2] = 1.0, np.exp(1j * step * omega)
+        done = 1
+        while done < lags:
+            more = wave[1:lags + 1 - done][:done]
+            np.multiply(more, wave[done], out=wave[done + 1:][:len(more)])
+            done += len(more)
+        # real part of wave times cross conjugate, as one product of reals
         flat = wave.view(float).transpose(1, 0, 2)
-        cov = (flat @ cross.conj().view(float).transpose(0, 2, 1)).reshape(
-            len(params), lags + 1, m, m)
+        cov = (flat @ cross.view(float).reshape(len(params), m * m, -1).transpose(0, 2, 1)
+               ).reshape(len(params), lags + 1, m, m)
         cov[:, 0] += np.diag(self._noise_var)
         return np.asarray(cov)
 
@@ -248,8 +258,8 @@ class SeakeepingFit:
         m = len(self._axes)
         second = block_toeplitz(self._covariances(params, self.order, self.COARSE))
         past, cross = second[:, m:, m:], second[:, m:, :m]
-        past = past + 1e-6 * np.einsum('bii->bi', past)[:, None] * np.eye(past.shape[1])
-        gain = np.linalg.solve(past, cross).transpose(0, 2, 1)
+        np.einsum('bii->bi', past)[:] *= 1 + 1e-6
+        gain = np.asarray(np.linalg.solve(past, cross).transpose(0, 2, 1))
         missed = second[:, :m, :m] - gain @ cross
         return gain, (missed + missed.transpose(0, 2, 1)) / 2, past
 
@@ -263,7 +273,7 @@ class SeakeepingFit:
         came = whole @ self._moments @ whole.transpose(0, 2, 1)
         away = (params - BELIEF[:, 0]) / BELIEF[:, 1]
         return np.asarray(self._weight * np.linalg.slogdet(missed)[1]
-                          + np.einsum('bij,bji->b', np.linalg.inv(missed), came)
+                          + np.trace(np.linalg.solve(missed, came), axis1=1, axis2=2)
                           + np.sum(away**2, axis=1)) / 2
 
     def _climb(self, who: int) -> None:
@@ -276,9 +286,10 @@ class SeakeepingFit:
         precision = np.linalg.inv(missed[0])
         by_missed = precision @ (missed[1:] - missed[0]) / delta
         by_gain = np.linalg.cholesky(precision).T @ (gain[1:] - gain[0]) / delta
+        many = len(DELTA), -1
         info = self._weight * (
-            np.tensordot(by_gain @ past[0], by_gain, axes=((1, 2), (1, 2)))
-            + np.tensordot(by_missed, by_missed, axes=((1, 2), (2, 1))) / 2)
+            (by_gain @ past[0]).reshape(many) @ by_gain.reshape(many).T
+            + by_missed.reshape(many) @ by_missed.transpose(0, 2, 1).reshape(many).T / 2)
         info += np.diag(BELIEF[:, 1]**-2.0 + 1e-6)
         slope -= np.diag(info) * DELTA / 2
         info += self._damping[who] * np.diag(np.diag(info))
@@ -297,14 +308,17 @@ class SeakeepingFit:
         """Return second moments as ``ForgettingVar.learned`` would of so many samples, if any."""
         if self.params is None:
             return None
-        cov = block_toeplitz(self._covariances(self.params[None], order, self.FINE))[0]
-        return samples * np.vstack([cov, np.ones(len(cov))])
+        second = block_toeplitz(
+            samples * self._covariances(self.params[None], order, self.FINE))[0]
+        return np.vstack([second, np.full(len(second), samples)])
 
 
 def block_toeplitz(covs: Array) -> Array:
     """Return E[z z'] of z = (y(t), y(t - 1), ...) from E[y(t + k) y(t)'], shape (b, k, m, m)."""
     count, lags, m, _ = covs.shape
-    both = np.concatenate([covs[:, :0:-1].transpose(0, 1, 3, 2), covs], axis=1)
-    lag = np.arange(lags)
-    return np.asarray(both[:, lag - lag[:, None] + lags - 1].transpose(0, 1, 3, 2, 4)
-                      .reshape(count, lags * m, lags * m))
+    # one axis now, all at the lags 1 - lags ... lags - 1: what the matrix has in its rows
+    across = np.concatenate([covs[:, :0:-1].transpose(0, 3, 1, 2), covs.transpose(0, 2, 1, 3)],
+                            axis=2).reshape(count, m, -1)
+    second = np.empty((count, lags, m, lags * m))
+    second[:] = sliding_window_view(across, lags * m, axis=2)[:, :, ::-m].transpose(0, 2, 1, 3)
+    return second.reshape(count, lags * m, lags * m)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dposv
 
 from deck_motion_ros.samples import Array
@@ -39,14 +40,19 @@ class VarModel:
         c : ndarray, shape (steps, m)
 
         """
-        mat, m = self.coefficients, len(self.mean)
-        ahead = np.empty((steps, *mat.shape))
-        ahead[0] = mat
-        for k in range(1, steps):
-            np.dot(ahead[k - 1, :, :m], mat, out=ahead[k])
-            ahead[k, :, :-m] += ahead[k - 1, :, m:]
-        gain = ahead.reshape(steps, m, -1, m).sum(axis=2)
-        return ahead, self.mean - gain @ self.mean
+        m, width = self.coefficients.shape
+        ahead = np.empty((steps * m, width))
+        ahead[:m] = self.coefficients
+        done = m
+        while done < steps * m:  # as many more from there, where the newest past is foretold
+            more = ahead[:steps * m - done][:done]
+            foretold = ahead[:done].reshape(-1, m, width)[::-1].reshape(done, width)[:width]
+            there = ahead[done:done + len(more)]
+            np.dot(more[:, :done], foretold, out=there)
+            there[:, :-done] += more[:, done:]
+            done += len(more)
+        gain = ahead @ np.tile(self.mean, width // m)
+        return ahead.reshape(steps, m, width), self.mean - gain.reshape(steps, m)
 
 
 class ForgettingVar:
@@ -75,14 +81,16 @@ class ForgettingVar:
     def __init__(self, axes: int, order: int, memory: float, cross: float = 0.0) -> None:
         self.axes, self.order, self.memory, self._cross = axes, order, memory, cross
         n = axes * (order + 1)
-        self.moments: Array = np.zeros((n, n))
+        self.moments: Array = np.zeros((n, n))  # on and above the diagonal
         self.sums: Array = np.zeros(n)
         self.weight = 0.0
-        # second moments about the mean from an earlier run, their number of samples appended
-        self.prior: Array = np.zeros((n + 1, n))
+        self.recalled = 0.0  # samples of an earlier run, in the moments about its mean
         self._hurry = 0
         growth = np.exp(np.minimum(np.arange(1, order + 1) / self.RIDGE_LAGS, 12.0))
         self._ridge = np.repeat(self.RIDGE * growth, axes)
+        other = ~np.eye(axes, dtype=bool)[:, None]
+        # by the axis foretold and row within a lag: the pairs of which none is that axis
+        self._others = other.transpose(0, 2, 1) & np.tile(other, order)
 
     def learn(self, samples: Array, known: NDArray[np.bool_] | None = None) -> None:
         """
@@ -103,12 +111,17 @@ class ForgettingVar:
         weights = once ** np.arange(len(rows) - 1, -1, -1.0)
         if known is not None:
             weights = weights * known
-        fade = once ** len(rows)
-        self.moments *= fade
-        self.moments += (rows.T * weights) @ rows
+        fade, scaled = once ** len(rows), rows * np.sqrt(weights)[:, None]
+        # .T here and below: rows are columns to Fortran
+        self.moments = dsyrk(1.0, scaled.T, fade, self.moments.T, lower=1, overwrite_c=1).T
         self.sums = fade * self.sums + weights @ rows
         self.weight = fade * self.weight + float(weights.sum())
-        self.prior *= fade
+        self.recalled *= fade
+
+    def recall(self, learned: Array) -> None:
+        """Start from what :meth:`learned` gave on an earlier run."""
+        self.moments += learned[:-1]
+        self.recalled += float(learned[-1, 0])
 
     def forget(self, samples: int) -> None:
         """Forget quickly for so many samples: what was learned holds no more."""
@@ -119,22 +132,24 @@ class ForgettingVar:
         self.moments *= share
         self.sums *= share
         self.weight *= share
-        self.prior *= share
+        self.recalled *= share
 
     @property
     def is_ready(self) -> bool:
         """Say whether there are samples enough for a first model."""
-        return self.weight + float(self.prior[-1, 0]) >= max(20.0, 1.2 * self.order)
+        return self.weight + self.recalled >= max(20.0, 1.2 * self.order)
 
     def learned(self, mean: Array) -> Array:
-        """Return second moments about a mean, and in the last row their number of samples."""
+        """
+        Return second moments about a mean, and in the last row their number of samples.
+
+        Those below the diagonal mean nothing.
+        """
         mu = np.tile(mean, self.order + 1)
-        half = np.outer(self.sums - self.weight / 2 * mu, mu)
-        learned = self.prior.copy()
-        learned[:-1] += self.moments
-        learned[:-1] -= half
-        learned[:-1] -= half.T
-        learned[-1] += self.weight
+        half = self.sums - self.weight / 2 * mu
+        learned = np.empty((len(mu) + 1, len(mu)))
+        np.subtract(self.moments, np.column_stack([half, mu]) @ [mu, half], out=learned[:-1])
+        learned[-1] = self.weight + self.recalled
         return learned
 
     def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None) -> VarModel:
@@ -163,24 +178,19 @@ class ForgettingVar:
             learned += expected
         cov, weight = learned[:-1], learned[-1, 0]
         sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
-        normal, right = cov[m:, m:], cov[m:, :m]
+        normal, right = cov[m:, m:], cov[:m, m:].T
         np.einsum('ii->i', normal)[:] += self._ridge * np.tile(np.square(sd), k)
-        if self._cross:
-            found = np.stack([_solved(self._penalised(normal, axis, weight), right[:, axis])
-                              for axis in range(m)])
-        else:
-            found = _solved(normal, right).T
-        return VarModel(found, mean)
-
-    def _penalised(self, normal: Array, axis: int, weight: float) -> Array:
-        """Penalise the variance that the other axes contribute to the forecast of one."""
-        others = np.arange(len(normal)) % self.axes != axis
-        return np.asarray(normal * (1 + self._cross / weight * np.outer(others, others)))
+        if not self._cross:
+            return VarModel(_solved(normal, right).T, mean)
+        # penalise the variance that the other axes contribute to the forecast of one
+        penalised = normal.reshape(k, m, -1) * (1 + self._cross / weight * self._others)[:, None]
+        return VarModel(np.stack([_solved(each, row) for each, row in zip(
+            penalised.reshape(m, m * k, -1), cov[:m, m:], strict=True)]), mean)
 
 
 def _solved(normal: Array, right: Array) -> Array:
-    """Solve positive definite equations by Cholesky."""
-    _, found, info = dposv(normal.T, right, lower=1)  # .T: rows are columns to Fortran
+    """Solve positive definite equations by Cholesky, given what is above the diagonal."""
+    _, found, info = dposv(normal.T, right, lower=1)
     if info:
         raise np.linalg.LinAlgError('normal equations are not positive definite')
     return np.asarray(found)

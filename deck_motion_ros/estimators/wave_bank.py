@@ -174,12 +174,13 @@ class BankOutlook:
         self.time, self._certainty, self._usual = time, certainty, usual
         self._chosen = chosen = np.flatnonzero(weights > self.FAITH * weights.max())
         self._sizes = sizes[chosen, None]
-        self._weights = weights[chosen] / weights[chosen].sum()
+        weights = weights[chosen]
+        self._weights = weights / weights.sum()
         self._modes: Complex = WaveBank.READ * modes[chosen]
         self._rates: Complex = certainty.bank.rates[chosen]
         rates = self._rates[:, :WaveBank.HALF].ravel()
         value = (self._weights[:, None] * self._modes).ravel()
-        self._parts = rates, np.stack([value, rates * value], axis=1)
+        self._parts = rates, np.array([value, rates * value]).T
 
     def mean(self, time: float) -> float:
         """Predict the axis at ``time`` (s)."""
