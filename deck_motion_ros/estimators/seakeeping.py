@@ -122,7 +122,7 @@ class SeakeepingFit:
 
     """
 
-    PAST = 6.0  # s before a slot that its likelihood is conditional on
+    PAST = 9.0  # s before a slot that its likelihood is conditional on
     MEMORY = 150.0  # s after which a slot counts 1/e
     LEAST = 40.0  # slots to begin with
     COARSE, FINE = (22, 15), (56, 21)  # waves: to fit, to tell
