@@ -294,6 +294,33 @@ def test_clock_set_back_starts_anew():
     assert np.sqrt(np.trace(estimates[-1].cov[:3, :3])) < 0.3
 
 
+def jolted(topic, field, axis, size, seconds_long):
+    """Fly while a sensor errs from second 10 on."""
+    def adapt(event):
+        if event.topic != topic or not 10 <= seconds(event.time) < 10 + seconds_long:
+            return event
+        values = [*getattr(event.sample, field)]
+        values[axis] += size
+        return event._replace(sample=replace(event.sample, **{field: tuple(values)}))
+
+    flight = Flight(SHIP, adapt=adapt)
+    return flight.times, np.abs(flight.error).max(axis=1), flight
+
+
+@pytest.mark.parametrize('topic, worst', [('uav/imu', 0.6), ('ship/imu', 2.0)])
+def test_a_gyro_that_the_attitude_contradicts_does_not_move_the_aircraft(topic, worst):
+    times, error, _ = jolted(topic, 'angular_velocity', 0, 1.0, 0.3)
+    assert error[times > 10].max() < worst
+    assert error[times > 12].max() < 0.6
+
+
+def test_where_most_anchors_are_in_doubt_the_motion_was_wrong():
+    """A jolt of the ship's accelerometer, not three radios that were moved at once."""
+    times, error, flight = jolted('ship/imu', 'specific_force', 1, 20.0, 0.1)
+    assert flight.estimator.opened == 2
+    assert error[times > 27].max() < 0.3
+
+
 @pytest.mark.parametrize('before', [
     {'ship/imu'}, {'uav/imu'}, {'ship/imu', 'uav/imu'}, {'anchor_1'}])
 def test_topics_that_first_come_after_the_clock_was_set_back_are_believed(before):
