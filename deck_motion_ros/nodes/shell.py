@@ -63,6 +63,8 @@ def run(node_class: Callable[[], Node], args: list[str] | None = None) -> None:
         except Stop as stop:
             status = _said(stop)
         rclpy.try_shutdown()
+    for number in (signal.SIGINT, signal.SIGTERM):  # a second one must not kill what has ended
+        signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
 
 
