@@ -1,6 +1,7 @@
 """The command line: what it writes, says and returns."""
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -101,6 +102,31 @@ def test_log_without_motion_is_refused(tmp_path, capfd):
     status, _, err = run(capfd, 'import', tmp_path / 'log', tmp_path / 'bag')
     assert status == 2 and err.count('\n') == 1
     assert [path.name for path in tmp_path.iterdir()] == ['log']
+
+
+def test_ctrl_c_twice_ends_with_130_and_one_word(tmp_path, monkeypatch, capfd):
+    cleared = []
+
+    def interrupted(folder):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.raise_signal(signal.SIGINT)
+            cleared.append(folder)
+
+    monkeypatch.setattr('deck_motion_ros.recording.recover', interrupted)
+    try:
+        assert run(capfd, 'recover', tmp_path) == (130, '', 'interrupted\n')
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    assert cleared == [tmp_path]
+
+
+def test_help_does_not_wait_for_numpy():
+    done = subprocess.run([sys.executable, '-X', 'importtime', '-m', 'deck_motion_ros', '--help'],
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and 'replay' in done.stdout
+    assert 'numpy' not in done.stderr
 
 
 def test_demo_leaves_bag_and_report(tmp_path):
