@@ -38,7 +38,7 @@ LATE = "type('Late', (), {'__del__': lambda self, act=signal.raise_signal: act(2
     ('', "raise Stop('done')", 0, 'done\ndestroyed\n', ''),
     ('', "raise Stop('error: disk', 1)", 1, 'destroyed\n', 'error: disk\n'),
     ("raise ValueError('no such bag')", '', 2, '', 'error: no such bag\n'),
-    (f"import __main__; __main__.late = {LATE}", 'raise Stop()', 0, 'destroyed\n', ''),
+    (f'import __main__; __main__.late = {LATE}', 'raise Stop()', 0, 'destroyed\n', ''),
 ])
 def test_how_a_node_ends(domain_id, init, act, status, out, err):
     script = SCRIPT.format(init=init or 'pass', act=act or 'pass')
