@@ -202,6 +202,8 @@ def _papers(arguments: argparse.Namespace) -> int:
         raise ValueError(f"unknown paper '{unknown[0]}'; there are {', '.join(PAPERS)}")
     if arguments.runs is not None and not 1 <= arguments.runs <= 100_000:
         raise ValueError('--runs must be 1 to 100000')
+    if arguments.json and not arguments.json.parent.is_dir():
+        raise ValueError(f'{arguments.json}: there is no such folder')
     rows = []
     for key in arguments.keys or PAPERS:
         with console.status(f'{key} ...'):

@@ -77,6 +77,10 @@ def test_papers_json(tmp_path, capfd):
     (['import', 'nowhere.csv', 'out'], 'nowhere.csv'),
     (['papers', 'Nobody1999'], "unknown paper 'Nobody1999'; there are Li2014"),
     (['papers', '--runs', '0'], '--runs must be'),
+    (['papers', 'Li2014', '--json', 'nowhere/f.json'], 'nowhere/f.json: there is no such folder'),
+    (['report', '.', '--warm-up', 'nan'], 'warm-up must be'),
+    (['report', '.', '--warm-up', '-1'], 'warm-up must be'),
+    (['report', '.', '--lever-arm', 'inf', '0', '0'], 'lever arm and warm-up must be'),
     (['bench', 'nothing'], 'nothing'),
     (['demo', '--duration', '0'], '--duration must be'),
 ])
@@ -86,6 +90,17 @@ def test_wrong_input_ends_with_2_and_one_line(tmp_path, monkeypatch, capfd, argv
     assert status == 2
     assert err.startswith('error: ') and err.count('\n') == 1 and words in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_page_that_cannot_be_written_and_a_node_with_nothing_to_say(tmp_path, capfd):
+    run(capfd, 'import', write_csv(tmp_path / 'ship.csv', 20), tmp_path / 'bag')
+    page = tmp_path / 'nowhere' / 'page.html'
+    assert run(capfd, 'report', tmp_path / 'bag', '-o', page) == (
+        2, '', f'error: {page}: No such file or directory\n')
+    status, out, err = run(capfd, 'replay', tmp_path / 'bag', tmp_path / 'out', '--node',
+                           'landing')
+    assert status == 0 and ', 0 out' in out
+    assert err == 'warning: landing has published nothing: no position yet\n'
 
 
 def test_output_that_exists_is_not_touched(tmp_path, capfd):
