@@ -212,7 +212,8 @@ class BagReader:
             try:
                 pending += _placed(read_chunk(place), number)
             except BagError as error:
-                raise BagError(f"{error}; 'deck_motion recover {self.path}' saves the rest") from None
+                raise BagError(
+                    f"{error}; 'deck_motion recover {self.path}' saves the rest") from None
             pending.sort(key=_order)
             ready = bisect_left(pending, limit, key=_log_time)
             yield from pending[:ready]

@@ -56,8 +56,9 @@ def recover(folder: str | Path) -> Recovered:
     Repair a bag in place; a healthy one is left as it is.
 
     Every file that is cut off is written anew up to its last complete message, also within an
-    unfinished chunk, and one with a damaged chunk without that; the original stays as ``NAME_0.mcap.damaged``. A missing
-    ``metadata.yaml`` is written. What an interrupted repair left is taken up again.
+    unfinished chunk, and one with a damaged chunk without that; the original stays as
+    ``NAME_0.mcap.damaged``. A missing ``metadata.yaml`` is written. What an interrupted repair
+    left is taken up again.
 
     Parameters
     ----------
