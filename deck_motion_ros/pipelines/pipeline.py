@@ -8,10 +8,11 @@ from dataclasses import fields
 from typing import Any, ClassVar
 
 from deck_motion_ros.messages import CONVERTERS, Types
-from deck_motion_ros.samples import Rejected
+from deck_motion_ros.samples import NANOSECONDS, Rejected
 from deck_motion_ros.topics import BY_NAME, inputs
 
 OK, WARN = 0, 1
+LATEST = (2**31 - 60) * NANOSECONDS  # what is predicted needs a stamp, too
 Status = tuple[str, int, str, dict[str, str]]
 
 
@@ -60,6 +61,8 @@ class Pipeline:
         """
         try:
             sample = self._converters[topic](msg)
+            if sample.stamp > LATEST:
+                raise Rejected('implausible stamp')
             estimates = self._update(topic, sample)
         except Rejected as rejection:
             self._count(self._rejected, f'{topic}: {rejection.reason}', 'rejected')
