@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import fields
 from typing import Any, ClassVar
 
-from deck_motion_ros.messages import CONVERTERS, Types
+from deck_motion_ros.messages import CONVERTERS, stamp_of, Types
 from deck_motion_ros.samples import NANOSECONDS, Rejected
 from deck_motion_ros.topics import BY_NAME, inputs
 
@@ -60,9 +60,9 @@ class Pipeline:
         A message that cannot be used is counted by its reason and warned of once per reason.
         """
         try:
-            sample = self._converters[topic](msg)
-            if sample.stamp > LATEST:
+            if stamp_of(msg) > LATEST:
                 raise Rejected('implausible stamp')
+            sample = self._converters[topic](msg)
             estimates = self._update(topic, sample)
         except Rejected as rejection:
             self._count(self._rejected, f'{topic}: {rejection.reason}', 'rejected')
