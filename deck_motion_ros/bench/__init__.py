@@ -140,12 +140,6 @@ def remarks(figures: Sequence[Figure]) -> list[str]:
     return lines
 
 
-def markdown(figures: Sequence[Figure]) -> str:
-    """Write figures as a Markdown table."""
-    lines = [HEAD, ('---',) * len(HEAD), *map(cells, figures)]
-    return ''.join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 def cells(figure: Figure) -> tuple[str, ...]:
     """Write a figure as the texts of one row under ``HEAD``."""
     spread = figure.spread and '{:.3g} to {:.3g}'.format(*figure.spread)

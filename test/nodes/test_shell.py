@@ -60,6 +60,17 @@ def test_arguments_that_ros_cannot_read(domain_id, arguments, words):
     assert last.startswith('error: ROS arguments: ') and words in last
 
 
+@pytest.mark.parametrize('argument, status', [('--help', 0), ('horizon:=2.0', 2)])
+def test_what_is_no_ros_argument_is_not_lost(domain_id, argument, status):
+    script = SCRIPT.format(init='pass', act='pass')
+    done = subprocess.run(
+        [sys.executable, '-c', script, argument, '--ros-args', '-p', 'a:=1'], text=True,
+        capture_output=True, env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, timeout=60)
+    assert done.returncode == status
+    assert '--ros-args [-p NAME:=VALUE]' in (done.stderr if status else done.stdout)
+    assert status == 0 or done.stderr.startswith('error: horizon:=2.0: ')
+
+
 def test_a_failing_callback_is_not_hidden(domain_id):
     script = SCRIPT.format(init='pass', act="raise ValueError('bug')")
     done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
