@@ -17,10 +17,10 @@ class InertialTrack:
     Where a body is, up to a constant velocity and a start, from samples of its inertial unit.
 
     The attitude is that of the samples, smoothed with the turn rates; where these contradict it,
-    as after a gap, the sample's alone. Position and velocity are
-    integrals of the specific force in axes east, north, up, from rest at the first sample. A
-    body without specific force (all zeros) stays there. Past its newest sample, the acceleration
-    stays for as long as two samples, then the velocity.
+    as after a gap, the sample's alone. Position and velocity are integrals of the specific force
+    in axes east, north, up, from rest at the first sample. A body without specific force (all
+    zeros) stays there. Past its newest sample, the acceleration stays for as long as two samples,
+    then the velocity.
 
     Parameters
     ----------

@@ -141,6 +141,16 @@ def test_a_figure_is_a_row_under_the_head():
     assert second[-1] == 'missed'
 
 
+def test_nothing_is_cut_off_at_80_columns(capsys):
+    row = Figure('kalman', 'step_and_prediction', 209_046_462.0, 'steps/s', 'simdkalman',
+                 3_184_695.0, 66.3, (63.7, 66.6), '>= 50')
+    for width, shown in ((80, False), (120, True)):
+        Console(file=sys.stdout, width=width).print(bench._table([row], width))
+        text = capsys.readouterr().out
+        assert all(word in text for word in ('209,046,462', 'simdkalman', '66.3', 'met'))
+        assert '\u2026' not in text and ('63.7' in text) == shown
+
+
 def test_the_bag_of_the_replay_is_the_ship_at_100_hz(tmp_path):
     offline.write_ship(tmp_path / 'bag', 2.0)
     reader = BagReader(tmp_path / 'bag')
