@@ -182,8 +182,8 @@ def _table(monitor: Any, duration: float, elapsed: float) -> Table:
         return '-' if isnan(value) else format(value, form)
 
     roll, pitch, heave = monitor.motion
-    table = Table(title=f'{min(elapsed, duration):.0f} of {duration:g} s', title_justify='left', box=None,
-                  pad_edge=False, show_header=False)
+    table = Table(title=f'{min(elapsed, duration):.0f} of {duration:g} s', title_justify='left',
+                  box=None, pad_edge=False, show_header=False)
     for _ in range(2):
         table.add_column()
     table.add_row('Motion now', f'roll {number(degrees(roll))} deg   '
