@@ -259,9 +259,9 @@ class AltitudeEstimator:
         anew = gate.admit(sample.stamp, others)
         now = (sample.stamp + TICK // 2) // TICK
         if isinstance(sample, ImuSample):
-            # the first one far behind a range that the flight began with: a clock set back
-            away = self._time - now > LATEST if self._imu is None else now - self._imu > RESTART
-            if anew or away:
+            # the first one may be far from the range that the flight began with: another clock
+            since = now - (self._time if self._imu is None else self._imu)
+            if anew or (self._running and not -LATEST <= since <= RESTART):
                 self._restart()
                 self._gates[ImuSample].admit(sample.stamp)
             return self._advance(sample, now)

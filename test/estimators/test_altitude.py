@@ -276,6 +276,19 @@ def test_an_imu_that_first_comes_after_the_clock_was_set_back_is_believed(ranges
     assert len(made) >= 195 and made[-1].height == pytest.approx(30.0, abs=0.1)
 
 
+def test_a_first_range_without_a_stamp_is_not_predicted_from_for_years():
+    estimator, made = AltitudeEstimator(AltitudeConfig()), []
+    estimator.update(ranged(0, 80.0))
+    for k in range(200):
+        for sample in (ranged(10**18 + k * 10_000_000, 30.0), imu(10**18 + k * 10_000_000)):
+            try:
+                made += estimator.update(sample)
+            except Rejected:
+                pass
+    assert estimator.counts['restarts'] == 1
+    assert len(made) >= 180 and made[-1].height == pytest.approx(30.0, abs=0.1)
+
+
 def test_clock_of_the_altimeter_alone_does_no_harm():
     ours = AltitudeEstimator(KNOWN)
     for k in range(2000):
