@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime
 import json
 from pathlib import Path
+import signal
 import sys
 from typing import Any
 
@@ -16,6 +17,7 @@ from rich.table import Table
 
 from deck_motion_ros import __version__
 from deck_motion_ros.blas import use_one_thread
+from deck_motion_ros.topics import TOPICS
 
 use_one_thread()
 
@@ -31,8 +33,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     Status 0 when all went well, 1 when a node of the demo failed, 2 for wrong input (one line
     says what and where), 130 after Ctrl-C.
     """
-    arguments = parser().parse_args(argv)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     try:
+        arguments = parser().parse_args(argv)
         sys.exit(arguments.act(arguments))
     except KeyboardInterrupt:
         errors.print('interrupted')
@@ -45,6 +49,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     except RuntimeError as error:
         errors.print(f'error: {_one_line(error)}', markup=False)
         sys.exit(1)
+
+
+def _interrupt(number: int, frame: Any) -> None:
+    """End at the first Ctrl-C; no second one breaks into what clears up."""
+    signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _one_line(error: Exception) -> str:
@@ -81,7 +91,8 @@ def parser() -> argparse.ArgumentParser:
     sub.add_argument('in_bag', type=Path, metavar='IN_BAG', help='bag to read')
     sub.add_argument('out_bag', type=Path, metavar='OUT_BAG',
                      help='bag to write, must not exist: the inputs and what the node says')
-    sub.add_argument('--node', required=True, choices=_nodes(), help='which node')
+    sub.add_argument('--node', required=True, help='which node',
+                     choices=sorted({node for topic in TOPICS for node in topic.subscribers}))
     sub.add_argument('--params-file', type=Path, metavar='F', help='ROS 2 parameter file')
     sub.add_argument('-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
                      help='one parameter, after the file; repeatable')
@@ -122,12 +133,6 @@ def parser() -> argparse.ArgumentParser:
                      'minutes)')
     sub.add_argument('--json', type=Path, metavar='FILE', help='write the figures there too')
     return top
-
-
-def _nodes() -> list[str]:
-    from deck_motion_ros.pipelines import PIPELINES
-
-    return sorted(PIPELINES)
 
 
 def _demo(arguments: argparse.Namespace) -> int:
@@ -197,6 +202,8 @@ def _papers(arguments: argparse.Namespace) -> int:
         raise ValueError(f"unknown paper '{unknown[0]}'; there are {', '.join(PAPERS)}")
     if arguments.runs is not None and not 1 <= arguments.runs <= 100_000:
         raise ValueError('--runs must be 1 to 100000')
+    if arguments.json and not arguments.json.parent.is_dir():
+        raise ValueError(f'{arguments.json}: there is no such folder')
     rows = []
     for key in arguments.keys or PAPERS:
         with console.status(f'{key} ...'):

@@ -153,21 +153,23 @@ def _watch(executor: Any, monitor: Any, running: dict[str, subprocess.Popen[byte
     limit = start + 2 * duration + STARTING
     with Live(console=console, refresh_per_second=4, transient=not console.is_terminal,
               auto_refresh=False) as live:
-        next_show = start
+        next_show = begun = start
         while running['simulator'].poll() is None:
             executor.spin_once(timeout_sec=0.05)
             _check(running, output)
             now = time.monotonic()
+            if isnan(monitor.motion[0]):
+                begun = now
             if now > limit:
                 raise DemoFailed('the simulator did not end')
             if now >= next_show and console.is_terminal:
-                live.update(_table(monitor, duration, now - start), refresh=True)
+                live.update(_table(monitor, duration, now - begun), refresh=True)
                 next_show = now + 0.25
             elif now >= next_show + 10.0:
-                console.print(_line(monitor, now - start))
+                console.print(_line(monitor, min(now - begun, duration)))
                 next_show = now
     if not console.is_terminal:
-        console.print(_line(monitor, time.monotonic() - start))
+        console.print(_line(monitor, duration))
 
 
 def _line(monitor: Any, elapsed: float) -> str:
@@ -180,8 +182,8 @@ def _table(monitor: Any, duration: float, elapsed: float) -> Table:
         return '-' if isnan(value) else format(value, form)
 
     roll, pitch, heave = monitor.motion
-    table = Table(title=f'{elapsed:.0f} of {duration:g} s', title_justify='left', box=None,
-                  pad_edge=False, show_header=False)
+    table = Table(title=f'{min(elapsed, duration):.0f} of {duration:g} s', title_justify='left',
+                  box=None, pad_edge=False, show_header=False)
     for _ in range(2):
         table.add_column()
     table.add_row('Motion now', f'roll {number(degrees(roll))} deg   '

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from math import asin, atan2, copysign, cos, hypot, isfinite, pi, sin, sqrt
+from math import asin, atan2, copysign, cos, isfinite, pi, sin, sqrt
 
 import numpy as np
 
@@ -227,12 +227,6 @@ def turned_arm(roll: Array, pitch: Array, lever_arm: Vector3) -> Array:
     table = np.array([[ahead, across, high], [sp * across, -up, cp * across],
                       [high, np.zeros_like(up), -ahead]])
     return table.transpose(0, *range(2, table.ndim), 1)  # moveaxis takes longer than the sines
-
-
-def circular_mean(angles: Array) -> float:
-    """Average angles (rad, any shape) on the circle; 0 where they cancel."""
-    east, north = float(np.mean(np.cos(angles))), float(np.mean(np.sin(angles)))
-    return atan2(north, east) if hypot(north, east) > 1e-12 else 0.0
 
 
 def rate_axes(pitch: float) -> Array:

@@ -48,6 +48,7 @@ from deck_motion_ros.topics import (
     VELOCITY,
 )
 
+LARGEST = 1e12  # of any number that is used, in SI: beyond, filters lose their digits
 WINDOW = 'landing window'  # name of the status
 WINDOW_KEYS = ('seconds', 'probability', 'next_crest_in', 'next_crest_sd', 'next_trough_in',
                'next_trough_sd')
@@ -73,8 +74,9 @@ def stamp_of(msg: Any) -> int:
 
 
 def _finite(*values: float) -> None:
-    if not isfinite(sum(values)):  # not a number and infinity stay so in a sum
-        raise Rejected('not finite')
+    for value in values:
+        if not -LARGEST < value < LARGEST:
+            raise Rejected('not finite' if not isfinite(value) else 'implausible number')
 
 
 def _vector(xyz: Any) -> Vector3:

@@ -61,8 +61,8 @@ def load_profile(path: Path) -> dict[str, Array]:
             arrays = dict(file)
     except FileNotFoundError:
         raise ValueError(f'{path}: there is no such profile') from None
-    except (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile) as error:
-        raise ValueError(f'{path}: not a ship profile ({error})') from None
+    except (OSError, ValueError, EOFError, TypeError, AttributeError, BadZipFile):
+        raise ValueError(f'{path}: not a ship profile') from None
     version = arrays.pop('version', None)
     if version is None or 'grid' not in arrays:
         raise ValueError(f'{path}: not a ship profile')

@@ -118,6 +118,8 @@ def replay(in_bag: Path, out_bag: Path, node: str, params: Mapping[str, Any], *,
                 progress((now - start) / length)
                 next_report = now + NANOSECONDS
         report(now)
+    if not made:
+        warn(f'{node} has published nothing: {pipeline.diagnostics()[0][2]}')
     pipeline.close()
     progress(1.0)
     return Replayed(used, made, length / NANOSECONDS)

@@ -67,6 +67,38 @@ class StampGate:
         raise Rejected('stamp far ahead' if in_order else 'older stamp')
 
 
+class Rewind:
+    """
+    Notice a clock that was set back while only topics come that never came before.
+
+    Their gates know no older stamp. What tells is that for ``patience`` seconds of stamps nothing
+    is as new as the newest of all; a topic that merely lags behind a living one never gets there.
+
+    Parameters
+    ----------
+    patience : float
+        Seconds of stamps.
+
+    """
+
+    __slots__ = ('_patience', '_since', '_last')
+
+    def __init__(self, patience: float = 10.0) -> None:
+        self._patience = round(patience * NANOSECONDS)
+        self._since: int | None = None
+        self._last = 0
+
+    def is_over(self, stamp: int, newest: int | None) -> bool:
+        """Take a stamp and the newest of all before (ns); say whether the clock was set back."""
+        if newest is None or stamp >= newest:
+            self._since = None
+            return False
+        if self._since is None or abs(stamp - self._last) > self._patience:
+            self._since = stamp
+        self._last = stamp
+        return stamp - self._since > self._patience
+
+
 class OutputSchedule:
     """
     Thin outputs to at most one per period of stamp time.

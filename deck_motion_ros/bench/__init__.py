@@ -39,6 +39,7 @@ BENCHES: Mapping[str, Callable[[], Iterator[Figure | float | str]]] = {
     'altitude': altitude, 'alignment': alignment, 'window': window}
 LONG = ('prediction', 'window')  # minutes: only if named
 HEAD = ('figure', 'ours', 'unit', 'reference', 'its figure', 'ratio', 'quartiles', 'goal', '')
+WIDE = 100  # columns of a terminal that shows all of them
 
 
 def run(names: Sequence[str], json_path: Path | None, console: Console) -> int:
@@ -91,7 +92,7 @@ def run(names: Sequence[str], json_path: Path | None, console: Console) -> int:
                 lines.append(f'{name}: {error}')
                 failed = True
     headlines = [figure for figure in figures if figure.headline]
-    console.print(_table(headlines))
+    console.print(_table(headlines, console.width))
     if headlines != figures:
         lines.append(f'{len(figures) - len(headlines)} more figures: --json')
     for line in lines + remarks(figures):
@@ -140,17 +141,11 @@ def remarks(figures: Sequence[Figure]) -> list[str]:
     return lines
 
 
-def markdown(figures: Sequence[Figure]) -> str:
-    """Write figures as a Markdown table."""
-    lines = [HEAD, ('---',) * len(HEAD), *map(cells, figures)]
-    return ''.join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 def cells(figure: Figure) -> tuple[str, ...]:
     """Write a figure as the texts of one row under ``HEAD``."""
     spread = figure.spread and '{:.3g} to {:.3g}'.format(*figure.spread)
     verdict = {None: '', True: 'met', False: 'missed'}[figure.met]
-    return (f'{figure.bench} {figure.name}', _text(figure.value), figure.unit,
+    return (f'{figure.bench} {figure.name}'.replace('_', ' '), _text(figure.value), figure.unit,
             figure.reference or '', _text(figure.reference_value), _text(figure.ratio),
             spread or '', figure.goal, verdict)
 
@@ -161,12 +156,16 @@ def _text(number: float | None) -> str:
     return f'{number:,.0f}' if abs(number) >= 1000 or number == int(number) else f'{number:.3g}'
 
 
-def _table(figures: Sequence[Figure]) -> Table:
-    table = Table(*HEAD, box=None)
-    for column in (1, 4, 5):
-        table.columns[column].justify = 'right'
+def _table(figures: Sequence[Figure], width: int) -> Table:
+    shown = [k for k, name in enumerate(HEAD)
+             if width >= WIDE or name not in ('its figure', 'quartiles')]
+    table = Table(*(HEAD[k] for k in shown), box=None)
+    for k, column in zip(shown, table.columns, strict=True):
+        if k in (1, 4, 5):
+            column.justify, column.no_wrap = 'right', True
     for figure in figures:
         style = {None: '', True: 'green', False: 'red'}[figure.met]
-        *rest, verdict = cells(figure)
-        table.add_row(*rest, f'[{style}]{verdict}[/]' if style else verdict)
+        *texts, verdict = cells(figure)
+        texts.append(f'[{style}]{verdict}[/]' if style else verdict)
+        table.add_row(*(texts[k] for k in shown))
     return table

@@ -12,6 +12,7 @@ from deck_motion_ros.config import parameter
 from deck_motion_ros.earth import Earth
 from deck_motion_ros.estimators.fading import StrongTracking
 from deck_motion_ros.estimators.joining import Interpolated
+from deck_motion_ros.estimators.strapdown import check_plausible, MAX_FORCE
 from deck_motion_ros.estimators.transfer import (
     ACROSS,
     ALL,
@@ -55,7 +56,7 @@ REST = 1.0  # s at rest on the velocimeter, after a stroke: the next launch is p
 JUMP = 3.0  # m/s by which the velocimeter must not differ from the navigator
 JUMP_TIME = 0.3  # s after which it is believed all the same
 GAP_RATE, GAP_FORCE = 0.02, 10.0  # sd of what a missing sample of the slave would have shown
-MAX_FORCE, MAX_RATE, MAX_SPEED = 1000.0, 35.0, 200.0  # m/s^2, rad/s, m/s: no aircraft
+MAX_SPEED = 200.0  # m/s: no aircraft on a catapult
 PHASES = ('waiting', 'hold', 'stroke', 'done', 'aborted')
 
 
@@ -308,13 +309,9 @@ class Aligner:
             return
         if topic == 'master/imu' and sample.orientation is None:
             raise Rejected('no attitude')
-        if max(map(abs, sample.angular_velocity)) > MAX_RATE:
-            raise Rejected('implausible turn rate')
-        if topic == 'slave/imu':
-            if not any(sample.specific_force):
-                raise Rejected('no specific force')
-            if max(map(abs, sample.specific_force)) > MAX_FORCE:
-                raise Rejected('implausible specific force')
+        if topic == 'slave/imu' and not any(sample.specific_force):
+            raise Rejected('no specific force')
+        check_plausible(sample)
 
     def _restart(self) -> None:
         self.restarts += 1
@@ -416,7 +413,7 @@ class Aligner:
         first = PAPER_VELOCITY_SD**2 * np.eye(3) if config.method == 'paper' else (
             axes @ mat_r @ axes.T)
         self.filter = TransferFilter(self._model, self._earth, mat, reference, prior, first)
-        self._mat_first, self._first_cov = mat, np.diag(attitude[7:])
+        self._mat_first, self._first_cov = mat, np.diag(np.maximum(attitude[7:], 0))
         self.phase = 'hold'
         self._start_speed = float(axes[:, 0] @ reference)
         return self._estimate(stamp)

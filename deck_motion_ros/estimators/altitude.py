@@ -12,6 +12,7 @@ from deck_motion_ros.config import parameter
 from deck_motion_ros.estimators.encounter import EncounterSea, GRAVITY
 from deck_motion_ros.estimators.sea_belief import SeaBelief
 from deck_motion_ros.estimators.skimming_rivals import HeightFilter, RIVALS
+from deck_motion_ros.estimators.strapdown import check_plausible, MAX_FORCE
 from deck_motion_ros.estimators.wave_filter import (
     ACCEL_BIAS,
     HEIGHT,
@@ -103,7 +104,7 @@ class AltitudeConfig:
     accel_white_sd: float = parameter(0.05, 'Noise of a sample', 'm/s^2', 1e-6, 10.0)
     accel_limit: float = parameter(
         156.9, 'Specific force along an axis at which the accelerometer is at its end', 'm/s^2',
-        10.0, 1e5)
+        10.0, MAX_FORCE)
     mean_sea_frame: str = parameter('mean_sea', 'Level frame, z up from mean sea level')
     uav_level_frame: str = parameter('uav_level', 'Level frame at the aircraft')
     uav_base_link_frame: str = parameter('uav_base_link', "The aircraft's body frame")
@@ -258,7 +259,9 @@ class AltitudeEstimator:
         anew = gate.admit(sample.stamp, others)
         now = (sample.stamp + TICK // 2) // TICK
         if isinstance(sample, ImuSample):
-            if anew or (self._imu is not None and now - self._imu > RESTART):
+            # the first one may be far from the range that the flight began with: another clock
+            since = now - (self._time if self._imu is None else self._imu)
+            if anew or (self._running and not -LATEST <= since <= RESTART):
                 self._restart()
                 self._gates[ImuSample].admit(sample.stamp)
             return self._advance(sample, now)
@@ -458,3 +461,5 @@ def _check(sample: Sample) -> None:
         raise Rejected('no attitude')
     elif not isfinite(sum(sample.specific_force)):
         raise Rejected('not finite')
+    else:
+        check_plausible(sample)

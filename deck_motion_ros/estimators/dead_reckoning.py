@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, hypot, sin, sqrt
 
 from deck_motion_ros.geometry import conjugate, multiply, normalised, rotated, rotation_vector
 from deck_motion_ros.samples import ImuSample, Quaternion, seconds, Vector3
 
 GRAVITY = 9.80665
 NOTHING = (0.0, 0.0, 0.0)
+CONTRADICTED = 0.1  # rad: rates and measured attitude do not belong together
 
 
 class InertialTrack:
     """
     Where a body is, up to a constant velocity and a start, from samples of its inertial unit.
 
-    The attitude is that of the samples, smoothed with the turn rates. Position and velocity are
-    integrals of the specific force in axes east, north, up, from rest at the first sample. A
-    body without specific force (all zeros) stays there. Past its newest sample, the acceleration
-    stays for as long as two samples, then the velocity.
+    The attitude is that of the samples, smoothed with the turn rates; where these contradict it,
+    as after a gap, the sample's alone. Position and velocity are integrals of the specific force
+    in axes east, north, up, from rest at the first sample. A body without specific force (all
+    zeros) stays there. Past its newest sample, the acceleration stays for as long as two samples,
+    then the velocity.
 
     Parameters
     ----------
@@ -64,18 +66,18 @@ class InertialTrack:
             sample.angular_velocity, sample.specific_force))
         has_force = force != NOTHING
         dt = 0.0 if self.stamp is None else self.age(sample.stamp)
-        if not 0 < dt <= self.longest:
+        if rate == NOTHING and dt > 0:
+            rate = _scaled(rotation_vector(multiply(conjugate(self.attitude), measured)), 1 / dt)
+        half = turned(self.attitude, rate, dt / 2)
+        predicted = turned(half, rate, dt / 2)
+        correction = rotation_vector(multiply(conjugate(predicted), measured))
+        if not 0 < dt <= self.longest or hypot(*correction) > CONTRADICTED:
             _, self._position, self._velocity = self.at(sample.stamp)
             self.attitude, self._acceleration = measured, NOTHING
             self.rate = self._mean_rate = rate
             self.stamp, self.has_force, self._weight = sample.stamp, False, 0.5
             self.patience = max(self.longest, 1.5 * dt)
             return
-        if rate == NOTHING:
-            rate = _scaled(rotation_vector(multiply(conjugate(self.attitude), measured)), 1 / dt)
-        half = turned(self.attitude, rate, dt / 2)
-        predicted = turned(half, rate, dt / 2)
-        correction = rotation_vector(multiply(conjugate(predicted), measured))
         gain = max(self._weight, dt / (dt + self._smoothing))
         self._weight = self._weight / (1 + self._weight)
         self.attitude = normalised(turned(predicted, correction, gain)) or measured

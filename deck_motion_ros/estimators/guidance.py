@@ -31,6 +31,7 @@ from deck_motion_ros.streams import OutputSchedule, StampGate
 
 APPROACH, HOLD, DESCENT = 'approach', 'hold', 'descent'
 STALE = 1.5  # s: age at which a forecast is not believed any more
+EARLIEST = -0.5  # s: nor one that is newer than the aircraft's position by more
 COMMITTED = 0.4  # s before touchdown: no new plan, but down to the deck as it moves
 MISSED = 1.0  # s after the planned touchdown: time for another plan
 NEAREST, FARTHEST, STEP = 1.5, 9.5, 0.1  # s ahead: times at which a touchdown may be planned
@@ -255,20 +256,26 @@ class Guidance:
                 self.phase, self._plan, self._above_since = HOLD, None, stamp
                 self.aborts += 1
 
+    def _fresh(self, stamp: int) -> DeckAhead | None:
+        """Return the forecast, if it is of this time."""
+        deck = self._deck
+        return deck if deck is not None and EARLIEST <= deck.age(stamp) <= STALE else None
+
     def _settling(self, stamp: int) -> float:
         """Return the rate of descent that closes as wanted with the deck as it moves now."""
         config = self.config
-        if self._deck is None or self._deck.age(stamp) > STALE:
+        deck = self._fresh(stamp)
+        if deck is None:
             return config.descent_speed
-        _, rate = self._deck.at(stamp, np.array([config.response_time]))
+        _, rate = deck.at(stamp, np.array([config.response_time]))
         return config.touchdown_speed - float(rate[0])
 
     def _may_descend(self, sample: OdometrySample, held: float) -> bool:
         """Look for a time to touch down at; say whether to begin."""
         config = self.config
         self._plan = None
-        if config.method == 'plain' or self._deck is None or self._deck.age(
-                sample.stamp) > STALE or self._prediction_sd > config.forecast_sd:
+        if (config.method == 'plain' or self._fresh(sample.stamp) is None
+                or self._prediction_sd > config.forecast_sd):
             return True
         plan = self._best(sample, NEAREST, FARTHEST)
         share = 1 + held / config.patience
@@ -283,8 +290,8 @@ class Guidance:
 
     def _best(self, sample: OdometrySample, nearest: float, farthest: float) -> Plan | None:
         """Find the touchdown between two times ahead (s) whose speed is nearest to the wanted."""
-        config, deck = self.config, self._deck
-        if deck is None or deck.age(sample.stamp) > STALE or farthest <= nearest:
+        config, deck = self.config, self._fresh(sample.stamp)
+        if deck is None or farthest <= nearest:
             return None
         ahead = np.linspace(0.0, STEP * (count := ceil(farthest / STEP)), count + 1)
         height, rate = deck.at(sample.stamp, ahead)

@@ -25,6 +25,7 @@ from deck_motion_ros.estimators.multilateration import (
     RangeErrors,
 )
 from deck_motion_ros.estimators.ranging import JointFilter, PaperFilter
+from deck_motion_ros.estimators.strapdown import check_plausible
 from deck_motion_ros.estimators.suspicion import CheckedFilter, Epoch
 from deck_motion_ros.geometry import conjugate, quaternion_from_rpy, rotated
 from deck_motion_ros.samples import (
@@ -36,7 +37,7 @@ from deck_motion_ros.samples import (
     seconds,
     Vector3,
 )
-from deck_motion_ros.streams import StampGate
+from deck_motion_ros.streams import Rewind, StampGate
 
 PAN2020_ANCHORS = (1.5, 1.5, 0.5, -1.5, 1.5, 1.0, -1.5, -1.5, 0.5, 1.5, -1.5, 1.0)
 FLAT = 0.05  # m: a set of anchors with a smaller rms extent counts as flat
@@ -237,6 +238,7 @@ class LandingEstimator:
             config.ship_sensor_rpy_deg, config.uav_sensor_rpy_deg))
         self._ship, self._uav = InertialTrack(ship), InertialTrack(uav)
         self._gates: dict[str, StampGate] = {}
+        self._rewind = Rewind()
         self._epoch: list[RangeSample] = []  # of one stamp, not used yet
         self._closed = (0, 0)  # stamp of the newest epoch that acted, and its number of ranges
         self._memory: deque[_Range] = deque()
@@ -273,6 +275,8 @@ class LandingEstimator:
                 raise Rejected('range not above 0')
         elif sample.orientation is None:
             raise Rejected('no attitude')
+        else:
+            check_plausible(sample)
         self._admit(source, stamp)
         if isinstance(sample, RangeSample):
             if self._newest is not None and self._newest - stamp > LONGEST_LAG:
@@ -298,7 +302,8 @@ class LandingEstimator:
         if gate is None or (gate.newest is not None and self._newest is not None
                             and self._newest - gate.newest > MAX_JUMP * NANOSECONDS):
             gate = self._gates[source] = StampGate(MAX_JUMP)
-        if gate.admit(stamp, self._newest):
+        anew = gate.admit(stamp, self._newest)
+        if anew or self._rewind.is_over(stamp, self._newest):
             self._close_filter()
             self._start()
             self._gates[source] = gate

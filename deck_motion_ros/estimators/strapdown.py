@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 from deck_motion_ros.earth import Earth
 from deck_motion_ros.geometry import cross, rotation_matrix, slight_rotation, transformed
-from deck_motion_ros.samples import Array
+from deck_motion_ros.samples import Array, ImuSample, Rejected
+
+MAX_FORCE, MAX_RATE = 1000.0, 35.0  # m/s^2, rad/s: no ship and no aircraft
 
 
 class Increments(NamedTuple):
@@ -22,6 +24,14 @@ class Increments(NamedTuple):
 
     turn: Array
     push: Array
+
+
+def check_plausible(sample: ImuSample) -> None:
+    """Raise ``Rejected`` if nothing that sails or flies turns or accelerates like a sample."""
+    if max(map(abs, sample.angular_velocity)) > MAX_RATE:
+        raise Rejected('implausible turn rate')
+    if max(map(abs, sample.specific_force)) > MAX_FORCE:
+        raise Rejected('implausible specific force')
 
 
 def advanced(mat: Array, vec_v: Array, now: Increments, before: Increments, dt: float,

@@ -128,8 +128,9 @@ class CheckedFilter:
 
     @property
     def contradicted(self) -> bool:
-        """Whether most of the newest ranges were rejected."""
-        return sum(self._shares) > len(self._shares) / 2
+        """Whether most of the newest ranges were rejected, or most anchors are in doubt."""
+        doubted = min(len(guess.joint.doubted) for guess in self._guesses)
+        return max(sum(self._shares), doubted) > len(self._shares) / 2
 
     def advance(self, dt: float, psd: Array) -> None:
         """Go on, as :meth:`JointFilter.advance`."""

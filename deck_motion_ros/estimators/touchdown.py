@@ -42,7 +42,7 @@ from deck_motion_ros.samples import (
     TouchdownPose,
     Vector3,
 )
-from deck_motion_ros.streams import OutputSchedule, StampGate
+from deck_motion_ros.streams import OutputSchedule, Rewind, StampGate
 
 Sample = ImuSample | HeaveSample | OdometrySample
 
@@ -295,8 +295,7 @@ class TouchdownPredictor:
 
     """
 
-    PATIENCE = 10  # intervals without a shared stamp (1 s at least): then nobody waits for one;
-    # and with older stamps alone (10 s at least): then the clock was set back
+    PATIENCE = 10  # intervals without a shared stamp (1 s at least): then nobody waits for one
 
     def __init__(self, config: PredictorConfig,
                  profile: Mapping[str, Array] | None = None) -> None:
@@ -320,7 +319,7 @@ class TouchdownPredictor:
         self._axis_newest = [-inf, -inf, -inf]
         self._origin = 0
         self.newest: int | None = None
-        self._behind = 0  # ns of samples older than that, since one was not
+        self._rewind = Rewind()
         self._waits = False  # the output for the newest stamp is due, but another stream may come
         self._shared: int | None = None  # newest stamp that two streams had in common
 
@@ -338,7 +337,8 @@ class TouchdownPredictor:
         stream = self._streams.get(type(sample))
         if stream is None:
             stream = self._streams[type(sample)] = _Stream()
-        if stream.admit(sample.stamp, self.newest) or self._is_set_back(sample.stamp, stream):
+        anew = stream.admit(sample.stamp, self.newest)
+        if anew or self._rewind.is_over(sample.stamp, self.newest):
             self._start()
             self.restarts += 1
             self._streams[type(sample)] = stream
@@ -363,15 +363,6 @@ class TouchdownPredictor:
         if sample.stamp == self.newest and self._is_ready(sample, stream):
             made.append(self._predict())
         return made
-
-    def _is_set_back(self, stamp: int, stream: _Stream) -> bool:
-        """Say whether all that comes has been older than the newest for long: a clock set back."""
-        if self.newest is None or stamp >= self.newest:
-            self._behind = 0
-            return False
-        self._behind += stream.interval
-        intervals = (other.interval for other in self._streams.values())
-        return self._behind > self.PATIENCE * max(NANOSECONDS, *intervals)
 
     def _measured(self, sample: Sample) -> tuple[list[tuple[int, float, float]], float | None]:
         """Turn a sample into (axis, value, variance) and yaw, or reject it."""

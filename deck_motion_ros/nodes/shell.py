@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 import signal
 import sys
-from typing import TypeVar
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -15,8 +14,10 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
-T = TypeVar('T')
+USAGE = ('a node takes --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r OLD:=NEW] and nothing '
+         'else; its parameters with units, ranges and defaults are in doc/interfaces.md')
 
 
 class Stop(Exception):
@@ -27,7 +28,7 @@ class Stop(Exception):
         self.status = status
 
 
-def run(node_class: Callable[[], Node], args: list[str] | None = None) -> None:
+def run(node_class: Callable[[], Node]) -> None:
     """
     Run one node until SIGINT, SIGTERM or its own :class:`Stop`, then end the process.
 
@@ -38,9 +39,13 @@ def run(node_class: Callable[[], Node], args: list[str] | None = None) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: ended.append(number))
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # followed by places in the sources of rcl
         sys.exit(_said(Stop(f'error: ROS arguments: {error}'.partition(', at /')[0], 2)))
+    words = remove_ros_args()[1:]  # a parameter without -p would be lost in silence
+    if words:
+        asked = words[0] in ('-h', '--help')
+        sys.exit(_said(Stop(USAGE if asked else f'error: {words[0]}: {USAGE}', 0 if asked else 2)))
     node, status = None, 0
     try:
         node = node_class()
@@ -63,6 +68,8 @@ def run(node_class: Callable[[], Node], args: list[str] | None = None) -> None:
         except Stop as stop:
             status = _said(stop)
         rclpy.try_shutdown()
+    for number in (signal.SIGINT, signal.SIGTERM):  # a second one must not kill what has ended
+        signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
 
 

@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import fields
 from typing import Any, ClassVar
 
-from deck_motion_ros.messages import CONVERTERS, Types
-from deck_motion_ros.samples import Rejected
+from deck_motion_ros.messages import CONVERTERS, stamp_of, Types
+from deck_motion_ros.samples import NANOSECONDS, Rejected
 from deck_motion_ros.topics import BY_NAME, inputs
 
 OK, WARN = 0, 1
+LATEST = (2**31 - 60) * NANOSECONDS  # what is predicted needs a stamp, too
 Status = tuple[str, int, str, dict[str, str]]
 
 
@@ -59,6 +60,8 @@ class Pipeline:
         A message that cannot be used is counted by its reason and warned of once per reason.
         """
         try:
+            if stamp_of(msg) > LATEST:
+                raise Rejected('implausible stamp')
             sample = self._converters[topic](msg)
             estimates = self._update(topic, sample)
         except Rejected as rejection:

@@ -209,7 +209,11 @@ class BagReader:
         chunks.sort(key=_order)
         limits = [start for start, _, _ in chunks[1:]] + [NEVER]
         for (_, number, place), limit in zip(chunks, limits, strict=False):
-            pending += _placed(read_chunk(place), number)
+            try:
+                pending += _placed(read_chunk(place), number)
+            except BagError as error:
+                raise BagError(
+                    f"{error}; 'deck_motion recover {self.path}' saves the rest") from None
             pending.sort(key=_order)
             ready = bisect_left(pending, limit, key=_log_time)
             yield from pending[:ready]

@@ -129,8 +129,7 @@ def read_chunk(place: ChunkPlace) -> list[Record]:
             raise ValueError('no chunk where the index says')
         data = _unpacked(record, 9, len(record), strict=True)
     except BROKEN as error:
-        raise BagError(f'{place.path}: damaged at byte {place.offset} ({error}); '
-                       f"'deck_motion recover' saves the rest") from None
+        raise BagError(f'{place.path}: damaged at byte {place.offset} ({error})') from None
     topics = place.topics
     found = []
     for opcode, begin, end in records(data):

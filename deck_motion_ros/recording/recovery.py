@@ -9,7 +9,7 @@ from pathlib import Path
 from deck_motion_ros.recording.definitions import BagError, BagTopic
 from deck_motion_ros.recording.metadata import FileInfo, write_metadata
 from deck_motion_ros.recording.reading import described_files, in_order
-from deck_motion_ros.recording.records import is_whole, read_index, salvage
+from deck_motion_ros.recording.records import is_whole, read_chunk, read_index, salvage
 from deck_motion_ros.recording.writing import McapFile
 
 DAMAGED = '.damaged'
@@ -28,12 +28,15 @@ class Recovered:
         Where the damaged originals are now.
     counts : dict of str to int
         Messages by topic, of the whole bag.
+    described : bool
+        Whether ``metadata.yaml`` was written.
 
     """
 
     repaired: tuple[Path, ...]
     kept: tuple[Path, ...]
     counts: dict[str, int]
+    described: bool
 
     @property
     def messages(self) -> int:
@@ -42,9 +45,10 @@ class Recovered:
 
     def __str__(self) -> str:
         what = f'{self.messages} messages of {len(self.counts)} topics'
-        pairs = (f'{new} repaired, the original is {old.name}'
-                 for new, old in zip(self.repaired, self.kept, strict=True))
-        return '; '.join([what, *pairs] if self.repaired else [what, 'nothing to repair'])
+        done = [f'{new} repaired, the original is {old.name}'
+                for new, old in zip(self.repaired, self.kept, strict=True)]
+        done += ['metadata.yaml written'] * self.described
+        return '; '.join([what, *(done or ['nothing to repair'])])
 
 
 def recover(folder: str | Path) -> Recovered:
@@ -52,8 +56,9 @@ def recover(folder: str | Path) -> Recovered:
     Repair a bag in place; a healthy one is left as it is.
 
     Every file that is cut off is written anew up to its last complete message, also within an
-    unfinished chunk, with an index; the original stays as ``NAME_0.mcap.damaged``. A missing
-    ``metadata.yaml`` is written. What an interrupted repair left is taken up again.
+    unfinished chunk, and one with a damaged chunk without that; the original stays as
+    ``NAME_0.mcap.damaged``. A missing ``metadata.yaml`` is written. What an interrupted repair
+    left is taken up again.
 
     Parameters
     ----------
@@ -77,12 +82,14 @@ def recover(folder: str | Path) -> Recovered:
     try:
         checked = [_repair(file) for file in files]
         repaired = tuple(info.path for info, is_new in checked if is_new)
-        if path.is_dir() and (repaired or _described(path) != [file.name for file in files]):
+        describe = path.is_dir() and bool(
+            repaired or _described(path) != [file.name for file in files])
+        if describe:
             write_metadata(path, [info for info, _ in checked])
     except OSError as error:
         raise BagError(f'{path}: cannot be repaired: {error.strerror}') from None
     counts = sum((info.counts for info, _ in checked), Counter[str]())
-    return Recovered(repaired, tuple(map(_original, repaired)), dict(counts))
+    return Recovered(repaired, tuple(map(_original, repaired)), dict(counts), describe)
 
 
 def _described(folder: Path) -> list[str] | None:
@@ -118,6 +125,8 @@ def _healthy(path: Path) -> FileInfo | None:
         return None
     try:
         index = read_index(path)
+        for place in index[1] if index is not None else ():
+            read_chunk(place)
     except BagError:
         return None
     return index[0] if index is not None else None

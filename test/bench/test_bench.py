@@ -132,13 +132,23 @@ def test_a_missing_peer_is_named_and_gives_no_ratio(monkeypatch):
     assert 'filterpy (not installed): no ratio for kalman step' in bench.remarks(rows)
 
 
-def test_markdown_has_one_line_for_each_figure():
+def test_a_figure_is_a_row_under_the_head():
     rows = [Figure('a', 'b', 1234.5, 's'), Figure('a', 'c', 0.1234, 'm', 'peer', 2.0, 0.0617,
                                                   (0.05, 0.07), '>= 0.1')]
-    head, rule, first, second = bench.markdown(rows).splitlines()
-    assert len({line.count('|') for line in (head, rule, first, second)}) == 1
+    first, second = map(bench.cells, rows)
+    assert len(first) == len(second) == len(bench.HEAD)
     assert '1,234' in first and '0.123' in second and '0.05 to 0.07' in second
-    assert second.endswith('| missed |')
+    assert second[-1] == 'missed'
+
+
+def test_nothing_is_cut_off_at_80_columns(capsys):
+    row = Figure('kalman', 'step_and_prediction', 209_046_462.0, 'steps/s', 'simdkalman',
+                 3_184_695.0, 66.3, (63.7, 66.6), '>= 50')
+    for width, shown in ((80, False), (120, True)):
+        Console(file=sys.stdout, width=width).print(bench._table([row], width))
+        text = capsys.readouterr().out
+        assert all(word in text for word in ('209,046,462', 'simdkalman', '66.3', 'met'))
+        assert '\u2026' not in text and ('63.7' in text) == shown
 
 
 def test_the_bag_of_the_replay_is_the_ship_at_100_hz(tmp_path):

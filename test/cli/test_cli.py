@@ -1,6 +1,7 @@
 """The command line: what it writes, says and returns."""
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -76,6 +77,10 @@ def test_papers_json(tmp_path, capfd):
     (['import', 'nowhere.csv', 'out'], 'nowhere.csv'),
     (['papers', 'Nobody1999'], "unknown paper 'Nobody1999'; there are Li2014"),
     (['papers', '--runs', '0'], '--runs must be'),
+    (['papers', 'Li2014', '--json', 'nowhere/f.json'], 'nowhere/f.json: there is no such folder'),
+    (['report', '.', '--warm-up', 'nan'], 'warm-up must be'),
+    (['report', '.', '--warm-up', '-1'], 'warm-up must be'),
+    (['report', '.', '--lever-arm', 'inf', '0', '0'], 'lever arm and warm-up must be'),
     (['bench', 'nothing'], 'nothing'),
     (['demo', '--duration', '0'], '--duration must be'),
 ])
@@ -85,6 +90,17 @@ def test_wrong_input_ends_with_2_and_one_line(tmp_path, monkeypatch, capfd, argv
     assert status == 2
     assert err.startswith('error: ') and err.count('\n') == 1 and words in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_page_that_cannot_be_written_and_a_node_with_nothing_to_say(tmp_path, capfd):
+    run(capfd, 'import', write_csv(tmp_path / 'ship.csv', 20), tmp_path / 'bag')
+    page = tmp_path / 'nowhere' / 'page.html'
+    assert run(capfd, 'report', tmp_path / 'bag', '-o', page) == (
+        2, '', f'error: {page}: No such file or directory\n')
+    status, out, err = run(capfd, 'replay', tmp_path / 'bag', tmp_path / 'out', '--node',
+                           'landing')
+    assert status == 0 and ', 0 out' in out
+    assert err == 'warning: landing has published nothing: no position yet\n'
 
 
 def test_output_that_exists_is_not_touched(tmp_path, capfd):
@@ -101,6 +117,31 @@ def test_log_without_motion_is_refused(tmp_path, capfd):
     status, _, err = run(capfd, 'import', tmp_path / 'log', tmp_path / 'bag')
     assert status == 2 and err.count('\n') == 1
     assert [path.name for path in tmp_path.iterdir()] == ['log']
+
+
+def test_ctrl_c_twice_ends_with_130_and_one_word(tmp_path, monkeypatch, capfd):
+    cleared = []
+
+    def interrupted(folder):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.raise_signal(signal.SIGINT)
+            cleared.append(folder)
+
+    monkeypatch.setattr('deck_motion_ros.recording.recover', interrupted)
+    try:
+        assert run(capfd, 'recover', tmp_path) == (130, '', 'interrupted\n')
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    assert cleared == [tmp_path]
+
+
+def test_help_does_not_wait_for_numpy():
+    done = subprocess.run([sys.executable, '-X', 'importtime', '-m', 'deck_motion_ros', '--help'],
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and 'replay' in done.stdout
+    assert 'numpy' not in done.stderr
 
 
 def test_demo_leaves_bag_and_report(tmp_path):

@@ -272,6 +272,13 @@ def test_samples_that_cannot_be_are_rejected(launch, topic, change, reason):
         Aligner(CONFIG).update(topic, replace(sample, **change))
 
 
+def test_a_variance_below_0_is_unknown(usual, launch):
+    strange = changed(launch, 'master/imu', lambda k, sample: [
+        replace(sample, attitude_var=(0.0, -1.0, 0.0))])
+    np.testing.assert_array_equal(Fed(CONFIG, strange).estimates[-1].misalignment_cov,
+                                  usual.estimates[-1].misalignment_cov)
+
+
 def test_a_velocimeter_that_comes_too_late_is_counted(launch):
     late = sorted(launch, key=lambda event: event.time + 150_000_000 * (
         event.topic == 'ldv/velocity'))

@@ -219,6 +219,7 @@ def test_minute_of_silence_begins_anew_at_the_next_range():
     (ranged(NANOSECONDS, 1e30), 'implausible range'),
     (rated(NANOSECONDS, nan), 'implausible rate'), (rated(NANOSECONDS, 1e5), 'implausible rate'),
     (imu(NANOSECONDS, nan), 'not finite'),
+    (imu(NANOSECONDS, 2e4), 'implausible specific force'),
     (imu(NANOSECONDS, G, None), 'no attitude'), (imu(490_000_000), 'older stamp'),
     (imu(500_000_000), 'duplicate stamp'), (ranged(100_000_000), 'older stamp'),
     (imu(5000 * NANOSECONDS), 'stamp far ahead')])
@@ -258,6 +259,34 @@ def test_clock_set_anew_begins_anew():
     estimator.update(ranged(200_000_000, 30.0))
     made, = estimator.update(imu(200_000_000))
     assert made.height == pytest.approx(30.0, abs=0.1)
+
+
+@pytest.mark.parametrize('ranges', [1, 50])
+def test_an_imu_that_first_comes_after_the_clock_was_set_back_is_believed(ranges):
+    estimator, made = AltitudeEstimator(AltitudeConfig()), []
+    for k in range(ranges):
+        estimator.update(ranged((3600 + k) * NANOSECONDS, 80.0))
+    for k in range(200):
+        made += estimator.update(imu(k * 10_000_000))
+        try:
+            estimator.update(ranged(k * 10_000_000, 30.0))
+        except Rejected:
+            pass
+    assert estimator.counts['restarts'] == 1
+    assert len(made) >= 195 and made[-1].height == pytest.approx(30.0, abs=0.1)
+
+
+def test_a_first_range_without_a_stamp_is_not_predicted_from_for_years():
+    estimator, made = AltitudeEstimator(AltitudeConfig()), []
+    estimator.update(ranged(0, 80.0))
+    for k in range(200):
+        for sample in (ranged(10**18 + k * 10_000_000, 30.0), imu(10**18 + k * 10_000_000)):
+            try:
+                made += estimator.update(sample)
+            except Rejected:
+                pass
+    assert estimator.counts['restarts'] == 1
+    assert len(made) >= 180 and made[-1].height == pytest.approx(30.0, abs=0.1)
 
 
 def test_clock_of_the_altimeter_alone_does_no_harm():

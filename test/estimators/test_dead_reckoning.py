@@ -99,3 +99,14 @@ def test_slow_samples_stay_good_until_the_next(rate):
     for k in range(5):
         track.update(imu(k * 1000 * MS // rate, quaternion_from_rpy(0, 0, pi / 8 * k)))
     assert track.patience > 1 / rate
+
+
+def test_turn_rates_that_the_attitude_contradicts_are_a_gap():
+    track = InertialTrack(LEVEL)
+    for k in range(40):
+        track.update(imu(k * 10 * MS, rate=(3.0 * (k >= 20), 0.0, 0.0)))
+        assert angle(track.attitude, LEVEL) < 0.1
+    for k in range(40, 50):
+        track.update(imu(k * 10 * MS))
+    assert track.is_inertial(490 * MS)
+    assert np.linalg.norm(track.at(490 * MS)[2]) < 0.2  # 3 m/s, were they believed

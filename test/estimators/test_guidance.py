@@ -112,9 +112,9 @@ def test_it_waits_for_the_window_and_loses_patience():
 
 
 def test_a_forecast_that_is_stale_or_too_vague_is_not_used():
-    for spoil in ('stale', 'vague'):
+    for spoil, issued in (('stale', 0.0), ('vague', 9.9), ('of another clock', 3610.0)):
         guidance = Guidance(GuidanceConfig(settle_time=0.0))
-        guidance.update('touchdown/forecast', forecast(0.0 if spoil == 'stale' else 9.9))
+        guidance.update('touchdown/forecast', forecast(issued))
         if spoil == 'vague':
             guidance.update('touchdown/prediction', odometry(12.9, ZERO, z_var=9.0))
         guidance.update('landing/odometry', odometry(10.0, (0.0, 0.0, 4.0)))

@@ -23,7 +23,7 @@ QUIET = replace(
     uav_attitude_sd=0.0, uav_attitude_drift_sd=0.0, uav_gyro_white_sd=0.0, uav_gyro_drift_sd=0.0,
     uav_accel_white_sd=0.0, uav_accel_drift_sd=0.0)
 SHIP = replace(SCENE, deck='hull', waves=50, significant_wave_height=2.0)
-ZERO = (0.0, 0.0, 0.0)
+ZERO, LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
 
 
 class Flight:
@@ -236,7 +236,11 @@ def test_when_most_ranges_contradict_the_filter_it_starts_again():
     (RangeSample(28 * NANOSECONDS, 'anchor_1', 5.0, 0.0), 'older stamp'),
     (RangeSample(3000 * NANOSECONDS, 'anchor_1', 5.0, 0.0), 'stamp far ahead'),
     (RangeSample(31 * NANOSECONDS, 'anchor_1', 5.0, 0.0), 'no ship attitude'),
-    (ImuSample(30 * NANOSECONDS, 'uav', None, ZERO, ZERO, ZERO), 'no attitude')])
+    (ImuSample(30 * NANOSECONDS, 'uav', None, ZERO, ZERO, ZERO), 'no attitude'),
+    (ImuSample(30 * NANOSECONDS, 'uav', LEVEL, ZERO, (0.0, 1e4, 0.0), ZERO),
+     'implausible turn rate'),
+    (ImuSample(30 * NANOSECONDS, 'uav', LEVEL, ZERO, ZERO, (0.0, -1e9, 0.0)),
+     'implausible specific force')])
 def test_bad_input_is_rejected_by_name(flight, sample, reason):
     topic = 'uwb/range' if isinstance(sample, RangeSample) else 'uav/imu'
     with pytest.raises(Rejected) as caught:
@@ -288,6 +292,52 @@ def test_clock_set_back_starts_anew():
     assert sum(rejected.values()) < 60
     assert estimates[-1].stamp == pytest.approx((30 - 3600) * NANOSECONDS, abs=NANOSECONDS / 10)
     assert np.sqrt(np.trace(estimates[-1].cov[:3, :3])) < 0.3
+
+
+def jolted(topic, field, axis, size, seconds_long):
+    """Fly while a sensor errs from second 10 on."""
+    def adapt(event):
+        if event.topic != topic or not 10 <= seconds(event.time) < 10 + seconds_long:
+            return event
+        values = [*getattr(event.sample, field)]
+        values[axis] += size
+        return event._replace(sample=replace(event.sample, **{field: tuple(values)}))
+
+    flight = Flight(SHIP, adapt=adapt)
+    return flight.times, np.abs(flight.error).max(axis=1), flight
+
+
+@pytest.mark.parametrize('topic, worst', [('uav/imu', 0.6), ('ship/imu', 2.0)])
+def test_a_gyro_that_the_attitude_contradicts_does_not_move_the_aircraft(topic, worst):
+    times, error, _ = jolted(topic, 'angular_velocity', 0, 1.0, 0.3)
+    assert error[times > 10].max() < worst
+    assert error[times > 12].max() < 0.6
+
+
+def test_where_most_anchors_are_in_doubt_the_motion_was_wrong():
+    """A jolt of the ship's accelerometer, not three radios that were moved at once."""
+    times, error, flight = jolted('ship/imu', 'specific_force', 1, 20.0, 0.1)
+    assert flight.estimator.opened == 2
+    assert error[times > 27].max() < 0.3
+
+
+@pytest.mark.parametrize('before', [
+    {'ship/imu'}, {'uav/imu'}, {'ship/imu', 'uav/imu'}, {'anchor_1'}])
+def test_topics_that_first_come_after_the_clock_was_set_back_are_believed(before):
+    """Whatever has spoken before is silent from then on; the deck does not move."""
+    after = {'uav/imu', *TOLD.anchor_frames} - before
+    estimator, estimates = LandingEstimator(replace(TOLD, deck_static=True)), []
+    for event in LandingSimulator(replace(SCENE, duration=25.0), truth=False):
+        source = event.sample.frame_id if event.topic == 'uwb/range' else event.topic
+        early = event.time < 2 * NANOSECONDS
+        if source in (before if early else after):
+            sample = replace(event.sample, stamp=event.sample.stamp + early * 10**12)
+            try:
+                estimates += estimator.update(event.topic, sample)
+            except Rejected:
+                pass
+    assert estimator.restarts == 1
+    assert 1 < len({item.stamp for item in estimates if item.stamp > 15 * NANOSECONDS})
 
 
 def test_static_deck_needs_ranges_only():

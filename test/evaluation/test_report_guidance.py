@@ -31,6 +31,7 @@ def test_phases_and_the_end_are_said(page):
 
 def test_an_estimate_without_variance_is_not_called_exact(page):
     assert not any('known to' in line for line in page[0])
+    assert 'Way of the aircraft' in page[1] and 'Error over the deck' not in page[1]
 
 
 def test_a_bag_of_another_node_is_not_said_to_lack_a_forecast(tmp_path):

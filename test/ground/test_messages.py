@@ -241,6 +241,15 @@ class TestWhatIsMissing:
         with pytest.raises(Rejected, match='not finite'):
             messages.odometry_sample(msg)
 
+    @pytest.mark.parametrize('covariance', [0, 7, 14])
+    def test_what_filters_cannot_compute_with(self, types, covariance):
+        msg = messages.velocity_message(types, VelocitySample(5, 'map', (0.0,) * 3, (0.0,) * 3))
+        msg.twist.covariance[covariance] = 1e300
+        with pytest.raises(Rejected, match='implausible number'):
+            messages.velocity_sample(msg)
+        msg.twist.covariance[covariance] = 1e9  # a usual way to say "not known"
+        assert messages.velocity_sample(msg).var[covariance // 7] == 1e9
+
     def test_stamps_to_the_last_nanosecond(self, types):
         for stamp in (0, 1, 999_999_999, 10**9, 1_406_851_200_170_000_001, 2**31 * 10**9 - 1):
             assert messages.stamp_of(messages.point_message(types, stamp, '', 0.0)) == stamp

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deck_motion_ros.samples import NANOSECONDS, nanoseconds, Rejected, seconds
-from deck_motion_ros.streams import OutputSchedule, StampGate
+from deck_motion_ros.streams import OutputSchedule, Rewind, StampGate
 
 HOUR = 3600 * NANOSECONDS
 
@@ -137,3 +137,20 @@ def test_never_two_outputs_of_one_stamp_nor_more_than_the_rate(steps, rate):
 @given(st.integers(-10**15, 10**15))
 def test_nanoseconds_survive_float_seconds_for_days(stamp):
     assert nanoseconds(seconds(stamp)) == stamp
+
+
+def rewound(stamps):
+    """List the seconds at which a clock is found set back, of stamps (s) of all topics."""
+    rewind, newest, found = Rewind(patience=10.0), None, []
+    for stamp in stamps:
+        if rewind.is_over(stamp * NANOSECONDS, newest and newest * NANOSECONDS):
+            found.append(stamp)
+        newest = max(stamp, newest or stamp)
+    return found
+
+
+def test_a_clock_is_set_back_when_nothing_new_comes_for_ten_seconds():
+    assert rewound([*range(100, 120), *range(50, 62)]) == [61]
+    assert rewound([*range(100, 120), 0, *range(50, 61)]) == []
+    lagging = [stamp for k in range(100, 160) for stamp in (k, k - 30, k - 30)]
+    assert rewound(lagging) == []

@@ -27,6 +27,9 @@ class Tested(Node):
 run(Tested)
 """
 
+# a second Ctrl-C while Python clears up
+LATE = "type('Late', (), {'__del__': lambda self, act=signal.raise_signal: act(2)})()"
+
 
 @pytest.mark.parametrize('init, act, status, out, err', [
     ('', "signal.raise_signal(signal.SIGINT); print('whole')", 0, 'whole\ndestroyed\n', ''),
@@ -35,6 +38,7 @@ run(Tested)
     ('', "raise Stop('done')", 0, 'done\ndestroyed\n', ''),
     ('', "raise Stop('error: disk', 1)", 1, 'destroyed\n', 'error: disk\n'),
     ("raise ValueError('no such bag')", '', 2, '', 'error: no such bag\n'),
+    (f'import __main__; __main__.late = {LATE}', 'raise Stop()', 0, 'destroyed\n', ''),
 ])
 def test_how_a_node_ends(domain_id, init, act, status, out, err):
     script = SCRIPT.format(init=init or 'pass', act=act or 'pass')
@@ -54,6 +58,17 @@ def test_arguments_that_ros_cannot_read(domain_id, arguments, words):
     *_, last = done.stderr.splitlines()  # rcl writes a line of its own
     assert done.returncode == 2 and not done.stdout
     assert last.startswith('error: ROS arguments: ') and words in last
+
+
+@pytest.mark.parametrize('argument, status', [('--help', 0), ('horizon:=2.0', 2)])
+def test_what_is_no_ros_argument_is_not_lost(domain_id, argument, status):
+    script = SCRIPT.format(init='pass', act='pass')
+    done = subprocess.run(
+        [sys.executable, '-c', script, argument, '--ros-args', '-p', 'a:=1'], text=True,
+        capture_output=True, env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, timeout=60)
+    assert done.returncode == status
+    assert '--ros-args [-p NAME:=VALUE]' in (done.stderr if status else done.stdout)
+    assert status == 0 or done.stderr.startswith('error: horizon:=2.0: ')
 
 
 def test_a_failing_callback_is_not_hidden(domain_id):

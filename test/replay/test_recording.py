@@ -562,7 +562,8 @@ def test_only_the_description_is_missing(tmp_path):
     before = (tmp_path / 'bag/metadata.yaml').read_bytes()
     (tmp_path / 'bag/metadata.yaml').unlink()
     assert [data for *_, data in BagReader(tmp_path / 'bag').messages()] == contents
-    assert recover(tmp_path / 'bag').repaired == ()
+    recovered = recover(tmp_path / 'bag')
+    assert recovered.repaired == () and 'topics; metadata.yaml written' in str(recovered)
     assert (tmp_path / 'bag/metadata.yaml').read_bytes() == before
     (tmp_path / 'bag/metadata.yaml').write_text('rosbag2_bagfile_information: [')
     recover(tmp_path / 'bag')
@@ -599,6 +600,20 @@ def test_a_damaged_chunk_does_not_cost_the_others(whole, tmp_path):
     content[safe[2][0] + 150] ^= 1  # inside the fourth chunk
     path.write_bytes(content[:-5])
     assert recover(tmp_path / 'bag').messages == 350
+    assert 'nothing to repair' in str(recover(tmp_path / 'bag'))
+
+
+def test_a_damaged_chunk_of_a_whole_file_is_repaired_as_its_error_says(whole, tmp_path):
+    folder, _, safe = whole
+    shutil.copytree(folder, tmp_path / 'bag')
+    path = tmp_path / 'bag/bag_0.mcap'
+    content = bytearray(path.read_bytes())
+    content[safe[2][0] + 150] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(BagError, match=f"'deck_motion recover {tmp_path / 'bag'}' saves the rest"):
+        list(BagReader(tmp_path / 'bag').messages())
+    assert recover(tmp_path / 'bag').messages == 350
+    assert len(list(BagReader(tmp_path / 'bag').messages())) == 350
 
 
 @pytest.mark.parametrize('make, words', [

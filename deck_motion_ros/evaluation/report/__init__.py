@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 import os
 from pathlib import Path
 
@@ -48,11 +49,13 @@ def write_report(bag: str | Path, html_path: str | Path, *, lever_arm: Vector3 |
     Raises
     ------
     ValueError
-        If the bag cannot be read or its topics are ambiguous.
+        If the bag cannot be read, its topics are ambiguous, or an option is not a number.
     OSError
         If the page cannot be written; nothing half-written stays behind.
 
     """
+    if not all(map(isfinite, (*(lever_arm or ()), warm_up or 0.0))) or (warm_up or 0.0) < 0:
+        raise ValueError('lever arm and warm-up must be numbers, the warm-up not below 0')
     views = [view(Options(lever_arm, warm_up)) for view in VIEWS]
     contents = read_contents(bag, views, namespace, remap)
     clock = Clock.of(*contents.span)
@@ -64,6 +67,8 @@ def write_report(bag: str | Path, html_path: str | Path, *, lever_arm: Vector3 |
     try:
         draft.write_text(text, encoding='utf-8')
         os.replace(draft, path)
+    except OSError as error:  # not that of the draft
+        raise OSError(error.errno, error.strerror, str(path)) from None
     finally:
         draft.unlink(missing_ok=True)
     return headline

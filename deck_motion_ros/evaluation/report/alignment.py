@@ -127,7 +127,7 @@ class AlignmentView:
                        marker='.')
             upper.axhline(1.0, color=QUIET, linestyle='--', linewidth=1)
             upper.set_ylabel('innovations')
-            upper.set_ylim(bottom=0)
+            upper.set_ylim(0, 1.1 * upper.get_ylim()[1])
             lower.plot(clock(stamps), [factor for _, _, factor, _ in self._health], color=ORANGE,
                        marker='.', drawstyle='steps-post')
             lower.set_yscale('log')

@@ -74,10 +74,12 @@ class LandingView:
             figure(self._way(position, truth, anchors, judged),
                    'The aircraft in the axes of the deck, from above and from the side (blue)'
                    + (', its true way (green)' if judged else '')
-                   + (' and the anchors (black).' if anchors else '.')),
-            figure(self._sure(stamps, error if judged else None, var, clock),
-                   ('Estimated minus true position, and twice' if judged else 'Twice')
-                   + ' the standard deviation that was stated.')]
+                   + (' and the anchors (black).' if anchors else '.'))]
+        if judged or var.any():
+            parts.append(figure(
+                self._sure(stamps, error if judged else None, var, clock),
+                ('Estimated minus true position, and twice' if judged else 'Twice')
+                + ' the standard deviation that was stated.'))
         if judged:
             parts.append(table(
                 ('', 'RMS error', 'stated sd, RMS', 'within 2 sd'),

@@ -75,7 +75,8 @@ def landing_windows(record: Record, warm_up: float, clock: Clock) -> str:
         figure(_reliability(scores, timings),
                'Left: how often the deck stayed quiet when so much was promised; on the dashed '
                'line the promise is honest. Larger dots stand for more windows. Right: announced '
-               f'minus real time of crests and troughs {NEAREST:g} to {FARTHEST:g} s ahead.'),
+               f'minus real time of crests and troughs {NEAREST:g} to {FARTHEST:g} s ahead; what '
+               'was off by more than 1 s stands at the edge.'),
         table(('Brier score', 'skill', 'crests: median error', 'in 68 %', 'in 95 %'), [(
             fixed(scores.brier, 3, ''), _skill(scores), *_crests(timings))], texts=0)]
     return section('Landing windows', *parts, note(
@@ -132,6 +133,7 @@ def _over_time(scores: WindowScores, clock: Clock) -> str:
                    np.where(scores.quiet[near] == 1, GO, NO_GO))
             panel.set(xlabel=time.label, xlim=time(np.array([first, last])), ylim=(-0.6, 1.05))
             panel.set_yticks([-0.47, -0.24, 0, 0.5, 1], ['came', 'said', '0', '0.5', '1'])
+            panel.set_ylabel('probability', loc='top')
         if len(views) > 1:
             panels[0].axvspan(*clock(np.array(views[1][1])), color=ORANGE, alpha=0.13,
                               linewidth=0)
@@ -141,11 +143,15 @@ def _over_time(scores: WindowScores, clock: Clock) -> str:
 def _strip(panel: Axes, low: float, clock: Clock, stamps: Stamps,
            states: NDArray[np.str_]) -> None:
     """Draw states as a strip of colours, each up to the next stamp but for gaps."""
-    step = 1.5 * np.median(np.diff(stamps)) if len(stamps) > 1 else 0
-    ends = stamps + np.minimum(np.diff(stamps, append=stamps[-1:]), step)
+    until = np.diff(stamps, append=stamps[-1:])
+    step = int(1.5 * np.median(until))
+    ends = stamps + np.minimum(until, step)
+    # bars that touch are one: hair lines would show between them
+    new = np.flatnonzero(np.r_[True, (states[1:] != states[:-1]) | (until[:-1] > step)])
+    stamps, states, ends = stamps[new], states[new], ends[np.r_[new[1:] - 1, -1]]
     for state, colour in COLOURS.items():
         chosen = states == state
-        begin, end = clock(stamps[chosen]), clock(ends[chosen].astype(np.int64))
+        begin, end = clock(stamps[chosen]), clock(ends[chosen])
         panel.broken_barh(list(zip(begin.tolist(), (end - begin).tolist(), strict=True)),
                           (low, 0.16), facecolor=colour, linewidth=0)
 
