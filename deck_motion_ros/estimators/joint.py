@@ -141,6 +141,7 @@ class JointModel:
     BEYOND = 4.0  # sd: farther errors are not learned in full
     WORST = 400.0  # squares of sd that the alarm believes
     AFLOAT = 200.0  # slots: half the window of the mean that ship and sea are fitted about
+    ROUGH = 10.0  # s: of so short a past the mean is worthless; it soon is good
     LEAST = 1e-12  # variance: nothing is known better (rad^2, m^2)
 
     def __init__(self, which: Sequence[int], grid: Grid) -> None:
@@ -211,10 +212,10 @@ class JointModel:
         self._promised[:] = np.inf
 
     def profile(self, axes: Sequence[int]) -> dict[str, Array]:
-        """Return what the rivals have learned of these axes, for :meth:`recall`."""
+        """Return what the rivals learned of these axes and how they erred, for :meth:`recall`."""
         grid = np.array([self.grid.tick, self.grid.ticks, *axes], float)
-        return {'grid': grid} | {f'rival{k}': rival.learned(self._mean)
-                                 for k, rival in enumerate(self._rivals)}
+        return {'grid': grid, 'errors': self._combination.covariance} | {
+            f'rival{k}': rival.learned(self._mean) for k, rival in enumerate(self._rivals)}
 
     def recall(self, profile: Mapping[str, Array], axes: Sequence[int]) -> None:
         """Start with what an earlier run learned, if it had these axes and this grid."""
@@ -224,11 +225,19 @@ class JointModel:
                 grid[:2], [self.grid.tick, self.grid.ticks], rtol=0.05, atol=0.0):
             return
         place = np.array([stored.index(axis) for axis in axes])
+        errors = profile.get('errors', np.zeros(0))
+        number = len(self._fitted)
+        known = errors.shape == (len(self._steps), len(stored), number, number)
+        if known:
+            self._combination.recall(errors[:, place], self.BASIS)
         for k, rival in enumerate(self._rivals):
+            if self._worth[k] > rival.memory:  # who trusts the fit starts afresh: it may be
+                continue  # another sea
             learned = profile.get(f'rival{k}', np.zeros((1, 0)))
             if learned.shape[1] == len(stored) * (rival.order + 1):
                 rows = (np.arange(rival.order + 1)[:, None] * len(stored) + place).ravel()
                 rival.prior = learned[np.append(rows, -1)][:, rows]
+                self._introduced[k] = known
 
     @property
     def ends_slot(self) -> bool:
@@ -356,7 +365,9 @@ class JointModel:
         self._learned[index] = self._turn
         if new > 0:
             rival.learn(self._newest(rival.order + new)[::-1], np.array(self._known)[-new:])
-        worth = self._worth[index]
+        slots = self._run // self.grid.ticks
+        # beside what this ship did before, what ships do counts less
+        worth = max(self._worth[index] - float(rival.prior[-1, 0]), 0.0)
         expected = self._fit.expected(rival.order, worth) if worth else None
         if expected is None and not rival.is_ready:
             return
@@ -365,11 +376,13 @@ class JointModel:
             rival.forget(int(self.RELEARN / self.grid.step))
         self._mean = self._smooth_mean(rival.memory)
         try:
-            model = rival.solve(self._mean, np.sqrt(self._noise_var), expected)
+            model = rival.solve(self._mean, np.sqrt(self._noise_var), expected,
+                                min(rival.order, slots), (self.ROUGH / slots / self.grid.step)**6)
         except np.linalg.LinAlgError:
             return  # keep the model there is
         forecast, offset = model.ahead(self._ahead)
-        width = forecast.shape[2]
+        self._widths[index] = width = forecast.shape[2]
+        self._forecast[index, ..., width:] = self._scored[index, ..., width:] = 0.0
         self._forecast[index, ..., :width] = forecast
         self._scored[index, ..., :width] = forecast[self._steps - 1]
         self._offset[index] = offset
@@ -384,9 +397,8 @@ class JointModel:
     @property
     def _speaking(self) -> Mask:
         """Who has a model and the past it needs."""
-        slots = self._run // self.grid.ticks
-        return np.asarray(self._fitted & np.array(
-            [*(rival.order <= slots for rival in self._rivals), True, True]))
+        past = self._run // self.grid.ticks * self.axes
+        return np.asarray(self._fitted & (np.array([*self._widths, 0]) <= past))
 
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
@@ -455,7 +467,8 @@ class JointModel:
     @property
     def _tested(self) -> Array:
         """Slots scored, shape (horizons,); after an interruption nobody is himself at once."""
-        return np.minimum(self._combination.scored, self._run // self.grid.ticks)
+        own: Array = np.maximum(self._run // self.grid.ticks - self._steps, 0)
+        return np.minimum(self._combination.scored, own)
 
     def outlook(self, time: float) -> JointOutlook:
         """Freeze what is known at the newest instant, ``time`` (s)."""

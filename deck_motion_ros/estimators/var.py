@@ -137,7 +137,8 @@ class ForgettingVar:
         learned[-1] += self.weight
         return learned
 
-    def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None) -> VarModel:
+    def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None,
+              order: int | None = None, unsure: float = 0.0) -> VarModel:
         """
         Fit the model about a mean.
 
@@ -150,6 +151,11 @@ class ForgettingVar:
             Of the axes; an axis that moves less than its noise counts as still.
         expected : ndarray, optional
             What else is believed to be learned, as :meth:`learned` returns it.
+        order : int, optional
+            Lags of the model, at most ``self.order``; all of them by default.
+        unsure : float
+            Variance of the mean's error, as a share of the motion's. ``prior`` was learned about
+            another mean: as far as it decides, the model leans less on this one.
 
         Raises
         ------
@@ -157,14 +163,18 @@ class ForgettingVar:
             If round-off has spoilt the equations: steps far beyond the motion were learned.
 
         """
-        m, k = self.axes, self.order
+        m, k = self.axes, order or self.order
         learned = self.learned(mean)
         if expected is not None:
             learned += expected
-        cov, weight = learned[:-1], learned[-1, 0]
+        n, weight, before = m * (k + 1), learned[-1, 0], float(self.prior[-1, 0])
+        cov = learned[:n, :n]
         sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
+        if before * unsure:
+            blocks = cov.reshape(k + 1, m, k + 1, m)
+            np.einsum('iaja->ija', blocks)[:] += before * unsure * np.square(sd)
         normal, right = cov[m:, m:], cov[m:, :m]
-        np.einsum('ii->i', normal)[:] += self._ridge * np.tile(np.square(sd), k)
+        np.einsum('ii->i', normal)[:] += self._ridge[:m * k] * np.tile(np.square(sd), k)
         if self._cross:
             found = np.stack([_solved(self._penalised(normal, axis, weight), right[:, axis])
                               for axis in range(m)])
