@@ -28,6 +28,7 @@ HERMITE = np.array([[[1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]]
 POWERS = np.arange(4)[:, None]
 HERMITE[0, 2:] *= SPACING
 HERMITE[1, :2] /= SPACING
+SETTLE = 3.0  # s in which a forecast beyond the knots nears the mean
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12  # of a cubic in its middle, by five points
 
 
@@ -50,6 +51,10 @@ class JointOutlook:
         Error covariances of the whole combination's value and rate at them.
     trust : float
         How far they rest on experience: 0 not at all, 1 fully.
+    mean_at : ndarray, shape (m,)
+        Of the motion: the value in the far future.
+    rise : ndarray, shape (m,)
+        Sd of the motion over that of the error at the last horizon, at least 1.
 
     """
 
@@ -59,6 +64,8 @@ class JointOutlook:
     guest: Array
     cov_at: Array
     trust: float
+    mean_at: Array
+    rise: Array
 
     def shares(self, ahead: Array) -> Array:
         """Return the guest's weights some seconds on and their slopes (1/s), shape (2, n, m)."""
@@ -70,7 +77,9 @@ class JointOutlook:
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
-        at = min(max(ahead / SPACING, 0.0), len(KNOTS) - 1)
+        if ahead > KNOTS[-1]:
+            return list(self.motion(np.array([ahead]))[0, 0].tolist())
+        at = max(ahead / SPACING, 0.0)
         k = min(int(at), len(KNOTS) - 2)
         u = at - k
         weights = HERMITE[0] @ (1.0, u, u * u, u * u * u)
@@ -82,13 +91,28 @@ class JointOutlook:
         k, u = _place(ahead, KNOTS)
         weights = HERMITE @ u**POWERS
         around = self.motion_at[:, k + np.array([[0], [1]])].reshape(4, len(ahead), -1)
-        return np.asarray(np.einsum('akn,knm->anm', weights, around))
+        found = np.asarray(np.einsum('akn,knm->anm', weights, around))
+        if (late := _late(ahead, KNOTS[-1])) is not None:  # as a critically damped spring
+            away, push = found[0] - self.mean_at, found[0] - self.mean_at + SETTLE * found[1]
+            found = np.exp(-late) * np.stack([
+                away + push * late, found[1] - push * late / SETTLE])
+            found[0] += self.mean_at
+        return found
 
     def spread(self, ahead: Array) -> Array:
         """Return the covariances of value and rate for some times: shape (2, n, m, m)."""
         k, u = _place(ahead, self.times)
         u = u[:, None, None]
-        return np.asarray((1 - u) * self.cov_at[:, k] + u * self.cov_at[:, k + 1])
+        cov = np.asarray((1 - u) * self.cov_at[:, k] + u * self.cov_at[:, k + 1])
+        if (late := _late(ahead, self.times[-1])) is not None:
+            scale = 1 + (self.rise - 1) * (1 - np.exp(-late))
+            cov *= scale[:, :, None] * scale[:, None, :]
+        return cov
+
+
+def _late(ahead: Array, last: float) -> Array | None:
+    """Say how many SETTLE seconds after ``last`` times come, shape (n, 1); None if none does."""
+    return np.maximum(ahead - last, 0.0)[:, None] / SETTLE if (ahead > last).any() else None
 
 
 def _place(at: Array, knots: Array) -> tuple[NDArray[np.int_], Array]:
@@ -461,6 +485,7 @@ class JointModel:
         self._cov = widen * np.stack([
             _without(unit * self._errors[0], noise),
             _without(unit * self._errors[1], noise * (SLOPE @ SLOPE) / self.grid.step**2)])
+        self._rise = np.sqrt(np.maximum(cov[-1, :, -2, -2] / self._cov[0, -1].diagonal(), 1.0))
         tested = min(self._number.min() - self.BELIEF, self._tested.min())
         self._trust = float(np.clip(tested * self.grid.step / self.TRIAL, 0.0, 1.0))
 
@@ -478,7 +503,7 @@ class JointModel:
             motion = self._readout @ slots
             motion[0] += self._origin
             self._seen = JointOutlook(time, motion, self.times, self._weights[..., -1], self._cov,
-                                      self._trust)
+                                      self._trust, self._mean + self._origin, self._rise)
         return self._seen
 
 

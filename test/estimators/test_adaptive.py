@@ -258,6 +258,24 @@ def test_the_rate_is_the_derivative(four_hertz):
     np.testing.assert_allclose(outlook.mean(now + 2.0), ahead.mean[1], rtol=1e-12)
 
 
+def test_the_far_future_is_the_mean_and_as_uncertain_as_the_motion(four_hertz):
+    ship, times, values, _ = four_hertz
+    offset = np.array((0.03, -0.01, 0.4))
+    outlook = feed(AdaptivePredictor(), times, values + offset).outlook()
+    now, motion = float(times[-1]), ship.at(times).std(axis=0)
+    far = outlook.forecast(now, np.array([60.0, 300.0]))
+    assert np.all(np.abs(far.mean - offset) < 0.1 * motion)
+    assert np.all(np.abs(far.rate) < 0.01 * motion)
+    np.testing.assert_allclose(np.sqrt(np.einsum('nii->ni', far.cov)), [motion, motion], rtol=0.3)
+    late = np.arange(10.0, 30.0, 0.01)  # s ahead: over the last horizon and the last knot
+    ahead = outlook.forecast(now, late)
+    assert np.all(np.abs(np.diff(ahead.mean, axis=0)) < 0.02 * motion)
+    rate = np.gradient(ahead.mean, 0.01, axis=0)
+    assert np.all(np.abs(ahead.rate - rate)[late > 12.5] < 0.01 * motion)
+    np.testing.assert_allclose(outlook.mean(now + 20.0), outlook.forecast(
+        now, np.array([20.0])).mean[0], rtol=1e-12)
+
+
 def test_the_rate_is_as_sure_as_it_says_and_no_worse_than_the_slope_of_the_value():
     ship, times = Ship(7), np.arange(0, 540, 0.25)
     predictor, values = AdaptivePredictor(), measured(ship, times)
