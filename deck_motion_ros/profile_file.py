@@ -86,6 +86,10 @@ def _fault(name: str, array: Array, grid: Array) -> str:
         wrong = not axes or sorted({*axes} & {*range(len(AXES))}) != axes or array[:2].min() <= 0
         return 'names no axes and time step' if wrong else ''
     size = array.shape[-1] if array.ndim else 0
+    if name == 'errors':
+        if array.ndim != 4 or array.shape[1:3] != (len(grid) - 2, size):
+            return f'has shape {array.shape}'
+        return 'holds negative variances' if np.einsum('hajj->haj', array).min() < 0 else ''
     if array.shape != (size + 1, size) or size % (len(grid) - 2):
         return f'has shape {array.shape}'
     return 'holds negative variances' if array.diagonal().min() < 0 or array[-1].min() < 0 else ''

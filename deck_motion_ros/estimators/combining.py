@@ -62,6 +62,10 @@ class Combination:
         self._sums *= kept[:, None]
         self._number *= kept
 
+    def recall(self, covariance: Array, number: float) -> None:
+        """Start with so many errors that had this covariance, shaped as :attr:`covariance`."""
+        self._sums, self._number[:] = number * covariance, number
+
     def introduce(self, rival: int, speaking: Mask) -> None:
         """Believe a new rival to err like the best of those who speak, but more."""
         cov = self.covariance
@@ -118,6 +122,7 @@ class Combination:
 def _minimum_variance(cov: Array) -> Array:
     """Minimise w' cov w over w >= 0 with sum 1, dropping whom the optimum would sell short."""
     alone = np.eye(cov.shape[-1])
+    best = alone[np.einsum('...jj->...j', cov).argmin(axis=-1)] > 0
     kept = np.ones(cov.shape[:-1], bool)
     while True:
         both = kept[..., None] & kept[..., None, :]
@@ -125,3 +130,4 @@ def _minimum_variance(cov: Array) -> Array:
         if (share[kept] > 0).all():
             return np.asarray(share / share.sum(axis=-1, keepdims=True))
         kept &= share > 0
+        kept |= best & ~kept.any(axis=-1, keepdims=True)  # pairs of unlike pasts may contradict

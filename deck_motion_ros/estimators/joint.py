@@ -29,6 +29,7 @@ POWERS = np.arange(4)[:, None]
 HERMITE[0, 2:] *= SPACING
 HERMITE[1, :2] /= SPACING
 KINDS = np.array([[0], [1]])  # value, slope
+SETTLE = 3.0  # s in which a forecast beyond the knots nears the mean
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12  # of a cubic in its middle, by five points
 
 
@@ -51,6 +52,10 @@ class JointOutlook:
         Error covariances of the whole combination's value and rate at them.
     trust : float
         How far they rest on experience: 0 not at all, 1 fully.
+    mean_at : ndarray, shape (m,)
+        Of the motion: the value in the far future.
+    rise : ndarray, shape (m,)
+        Sd of the motion over that of the error at the last horizon, at least 1.
 
     """
 
@@ -60,6 +65,8 @@ class JointOutlook:
     guest: Array
     cov_at: Array
     trust: float
+    mean_at: Array
+    rise: Array
 
     def shares(self, ahead: Array) -> Array:
         """Return the guest's weights some seconds on and their slopes (1/s), shape (2, n, m)."""
@@ -72,7 +79,9 @@ class JointOutlook:
 
     def mean(self, ahead: float) -> list[float]:
         """Predict the axes ``ahead`` seconds on, without the guest's share."""
-        at = min(max(ahead / SPACING, 0.0), len(KNOTS) - 1)
+        if ahead > KNOTS[-1]:
+            return list(self.motion(np.array([ahead]))[0, 0].tolist())
+        at = max(ahead / SPACING, 0.0)
         k = min(int(at), len(KNOTS) - 2)
         u = at - k
         weights = HERMITE[0] @ (1.0, u, u * u, u * u * u)
@@ -84,13 +93,28 @@ class JointOutlook:
         k, u = _place(ahead, KNOTS)
         weights = HERMITE @ u**POWERS
         around = self.motion_at[:, k + np.array([[0], [1]])].reshape(4, len(ahead), -1)
-        return np.asarray(np.einsum('akn,knm->anm', weights, around))
+        found = np.asarray(np.einsum('akn,knm->anm', weights, around))
+        if (late := _late(ahead, KNOTS[-1])) is not None:  # as a critically damped spring
+            away, push = found[0] - self.mean_at, found[0] - self.mean_at + SETTLE * found[1]
+            found = np.exp(-late) * np.stack([
+                away + push * late, found[1] - push * late / SETTLE])
+            found[0] += self.mean_at
+        return found
 
     def spread(self, ahead: Array) -> Array:
         """Return the covariances of value and rate for some times: shape (2, n, m, m)."""
         k, u = _place(ahead, self.times)
         u = u[:, None, None]
-        return np.asarray((1 - u) * self.cov_at[:, k] + u * self.cov_at[:, k + 1])
+        cov = np.asarray((1 - u) * self.cov_at[:, k] + u * self.cov_at[:, k + 1])
+        if (late := _late(ahead, self.times[-1])) is not None:
+            scale = 1 + (self.rise - 1) * (1 - np.exp(-late))
+            cov *= scale[:, :, None] * scale[:, None, :]
+        return cov
+
+
+def _late(ahead: Array, last: float) -> Array | None:
+    """Say how many SETTLE seconds after ``last`` times come, shape (n, 1); None if none does."""
+    return np.maximum(ahead - last, 0.0)[:, None] / SETTLE if (ahead > last).any() else None
 
 
 def _place(at: Array, knots: Array) -> tuple[NDArray[np.int_], Array]:
@@ -143,6 +167,7 @@ class JointModel:
     BEYOND = 4.0  # sd: farther errors are not learned in full
     WORST = 400.0  # squares of sd that the alarm believes
     AFLOAT = 200.0  # slots: half the window of the mean that ship and sea are fitted about
+    ROUGH = 10.0  # s: of so short a past the mean is worthless; it soon is good
     LEAST = 1e-12  # variance: nothing is known better (rad^2, m^2)
 
     def __init__(self, which: Sequence[int], grid: Grid) -> None:
@@ -183,7 +208,7 @@ class JointModel:
         self._forecast = np.zeros((number - 1, self._ahead, axes, width))
         self._offset = np.zeros((number - 1, self._ahead, axes))
         self._scored = np.zeros((number - 1, h, axes, width))
-        self._orders = np.array([*(rival.order for rival in self._rivals), 0, 0])
+        self._lags = np.zeros(number, int)  # of everybody's model
         self._fitted = np.zeros(number, bool)
         self._fitted[-2:] = True
         self._introduced = self._fitted.copy()
@@ -218,10 +243,10 @@ class JointModel:
         self._promised_sd[:] = np.inf
 
     def profile(self, axes: Sequence[int]) -> dict[str, Array]:
-        """Return what the rivals have learned of these axes, for :meth:`recall`."""
+        """Return what the rivals learned of these axes and how they erred, for :meth:`recall`."""
         grid = np.array([self.grid.tick, self.grid.ticks, *axes], float)
-        return {'grid': grid} | {f'rival{k}': rival.learned(self._mean)
-                                 for k, rival in enumerate(self._rivals)}
+        return {'grid': grid, 'errors': self._combination.covariance} | {
+            f'rival{k}': rival.learned(self._mean) for k, rival in enumerate(self._rivals)}
 
     def recall(self, profile: Mapping[str, Array], axes: Sequence[int]) -> None:
         """Start with what an earlier run learned, if it had these axes and this grid."""
@@ -231,11 +256,19 @@ class JointModel:
                 grid[:2], [self.grid.tick, self.grid.ticks], rtol=0.05, atol=0.0):
             return
         place = np.array([stored.index(axis) for axis in axes])
+        errors = profile.get('errors', np.zeros(0))
+        number = len(self._fitted)
+        known = errors.shape == (len(self._steps), len(stored), number, number)
+        if known:
+            self._combination.recall(errors[:, place], self.BASIS)
         for k, rival in enumerate(self._rivals):
+            if self._worth[k] > rival.memory:  # who trusts the fit starts afresh: it may be
+                continue  # another sea
             learned = profile.get(f'rival{k}', np.zeros((1, 0)))
             if learned.shape[1] == len(stored) * (rival.order + 1):
                 rows = (np.arange(rival.order + 1)[:, None] * len(stored) + place).ravel()
                 rival.recall(learned[np.append(rows, -1)][:, rows])
+                self._introduced[k] = known
 
     @property
     def ends_slot(self) -> bool:
@@ -353,7 +386,10 @@ class JointModel:
         self._learned[index] = self._turn
         if new > 0:
             rival.learn(self._newest(rival.order + new)[::-1], np.array(self._known)[-new:])
-        worth = self._worth[index]
+        slots = self._run // self.grid.ticks
+        lags = min(rival.order, slots)
+        # beside what this ship did before, what ships do counts less
+        worth = max(self._worth[index] - rival.recalled, 0.0)
         expected = self._fit.expected(rival.order, worth) if worth else None
         if expected is None and not rival.is_ready:
             return
@@ -362,11 +398,13 @@ class JointModel:
             rival.forget(int(self.RELEARN / self.grid.step))
         self._mean = self._smooth_mean(rival.memory)
         try:
-            model = rival.solve(self._mean, np.sqrt(self._noise_var), expected)
+            model = rival.solve(self._mean, np.sqrt(self._noise_var), expected, lags,
+                                (self.ROUGH / slots / self.grid.step)**6)
         except np.linalg.LinAlgError:
             return  # keep the model there is
         forecast, offset = model.ahead(self._ahead)
-        width = forecast.shape[2]
+        self._lags[index], width = lags, forecast.shape[2]
+        self._forecast[index, ..., width:] = self._scored[index, ..., width:] = 0.0
         self._forecast[index, ..., :width] = forecast
         self._scored[index, ..., :width] = forecast[self._steps - 1]
         self._offset[index] = offset
@@ -381,7 +419,7 @@ class JointModel:
     @property
     def _speaking(self) -> Mask:
         """Who has a model and the past it needs."""
-        return np.asarray(self._fitted & (self._orders <= self._run // self.grid.ticks))
+        return np.asarray(self._fitted & (self._lags <= self._run // self.grid.ticks))
 
     def _weigh(self) -> None:
         """Renew the weights and the combined forecast of all but the guest."""
@@ -442,11 +480,14 @@ class JointModel:
         self._cov = widen * cov * root[..., :, None] * root[..., None, :]
         kept = min(float(self._number.min()) - self.BELIEF, float(tested.min()))
         self._trust = min(max(kept * self.grid.step / self.TRIAL, 0.0), 1.0)
+        motion = np.einsum('ajj->aj', self._combination.covariance[-1])[:, -2]
+        self._rise = np.sqrt(np.maximum(motion / self._cov[0, -1].diagonal(), 1.0))
 
     @property
     def _tested(self) -> Array:
         """Slots scored, shape (horizons,); after an interruption nobody is himself at once."""
-        return np.minimum(self._combination.scored, self._run // self.grid.ticks)
+        own: Array = np.maximum(self._run // self.grid.ticks - self._steps, 0)
+        return np.minimum(self._combination.scored, own)
 
     def outlook(self, time: float) -> JointOutlook:
         """Freeze what is known at the newest instant, ``time`` (s)."""
@@ -456,7 +497,7 @@ class JointModel:
             motion = self._readout @ slots
             motion[0] += self._origin
             self._seen = JointOutlook(time, motion, self.times, self._weights[..., -1], self._cov,
-                                      self._trust)
+                                      self._trust, self._mean + self._origin, self._rise)
         return self._seen
 
 

@@ -152,7 +152,8 @@ class ForgettingVar:
         learned[-1] = self.weight + self.recalled
         return learned
 
-    def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None) -> VarModel:
+    def solve(self, mean: Array, noise_sd: Array, expected: Array | None = None,
+              order: int | None = None, unsure: float = 0.0) -> VarModel:
         """
         Fit the model about a mean.
 
@@ -165,6 +166,11 @@ class ForgettingVar:
             Of the axes; an axis that moves less than its noise counts as still.
         expected : ndarray, optional
             What else is believed to be learned, as :meth:`learned` returns it.
+        order : int, optional
+            Lags of the model, at most ``self.order``; all of them by default.
+        unsure : float
+            Variance of the mean's error, as a share of the motion's. What was recalled was
+            learned about another mean: as far as it decides, the model leans less on this one.
 
         Raises
         ------
@@ -172,18 +178,23 @@ class ForgettingVar:
             If round-off has spoilt the equations: steps far beyond the motion were learned.
 
         """
-        m, k = self.axes, self.order
+        m, k = self.axes, order or self.order
         learned = self.learned(mean)
         if expected is not None:
             learned += expected
-        cov, weight = learned[:-1], learned[-1, 0]
+        n, weight, before = m * (k + 1), learned[-1, 0], self.recalled
+        cov = learned[:n, :n]
         sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
+        if before * unsure:
+            blocks = cov.reshape(k + 1, m, k + 1, m)
+            np.einsum('iaja->ija', blocks)[:] += before * unsure * np.square(sd)
         normal, right = cov[m:, m:], cov[:m, m:].T
-        np.einsum('ii->i', normal)[:] += self._ridge * np.tile(np.square(sd), k)
+        np.einsum('ii->i', normal)[:] += self._ridge[:m * k] * np.tile(np.square(sd), k)
         if not self._cross:
             return VarModel(_solved(normal, right).T, mean)
         # penalise the variance that the other axes contribute to the forecast of one
-        penalised = normal.reshape(k, m, -1) * (1 + self._cross / weight * self._others)[:, None]
+        others = self._others[..., :m * k]
+        penalised = normal.reshape(k, m, -1) * (1 + self._cross / weight * others)[:, None]
         return VarModel(np.stack([_solved(each, row) for each, row in zip(
             penalised.reshape(m, m * k, -1), cov[:m, m:], strict=True)]), mean)
 

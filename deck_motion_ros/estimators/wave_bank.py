@@ -86,9 +86,10 @@ class WaveBank:
         self.near: Array = np.stack([turn, rates * turn], axis=1).conj().view(float).reshape(4, -1)
 
 
-# little to much noise about a steady level; one that drifts, which is no wave
+# little to much noise about a steady level; one that drifts, which is no wave. Without noise the
+# level may be all there is: what does not move is no slow wave
 BANK = WaveBank(np.geomspace(3.0, 30.0, 12).tolist(), (0.15, 0.4), (
-    (1e-5, 0.3, 3000.0), (1e-3, 0.3, 3000.0), (0.03, 0.3, 3000.0), (1e-4, 3.0, 100.0)))
+    (1e-5, 1.0, 3000.0), (1e-3, 0.3, 3000.0), (0.03, 0.3, 3000.0), (1e-4, 3.0, 100.0)))
 
 
 class Certainty:

@@ -258,6 +258,24 @@ def test_the_rate_is_the_derivative(four_hertz):
     np.testing.assert_allclose(outlook.mean(now + 2.0), ahead.mean[1], rtol=1e-12)
 
 
+def test_the_far_future_is_the_mean_and_as_uncertain_as_the_motion(four_hertz):
+    ship, times, values, _ = four_hertz
+    offset = np.array((0.03, -0.01, 0.4))
+    outlook = feed(AdaptivePredictor(), times, values + offset).outlook()
+    now, motion = float(times[-1]), ship.at(times).std(axis=0)
+    far = outlook.forecast(now, np.array([60.0, 300.0]))
+    assert np.all(np.abs(far.mean - offset) < 0.1 * motion)
+    assert np.all(np.abs(far.rate) < 0.01 * motion)
+    np.testing.assert_allclose(np.sqrt(np.einsum('nii->ni', far.cov)), [motion, motion], rtol=0.3)
+    late = np.arange(10.0, 30.0, 0.01)  # s ahead: over the last horizon and the last knot
+    ahead = outlook.forecast(now, late)
+    assert np.all(np.abs(np.diff(ahead.mean, axis=0)) < 0.02 * motion)
+    rate = np.gradient(ahead.mean, 0.01, axis=0)
+    assert np.all(np.abs(ahead.rate - rate)[late > 12.5] < 0.01 * motion)
+    np.testing.assert_allclose(outlook.mean(now + 20.0), outlook.forecast(
+        now, np.array([20.0])).mean[0], rtol=1e-12)
+
+
 def test_the_rate_is_as_sure_as_it_says_and_no_worse_than_the_slope_of_the_value():
     ship, times = Ship(7), np.arange(0, 540, 0.25)
     predictor, values = AdaptivePredictor(), measured(ship, times)
@@ -340,16 +358,41 @@ def test_a_profile_warms_the_start(four_hertz):
     ship, times, values, _ = four_hertz
     teacher = feed(AdaptivePredictor(), times[:1400], values[:1400])
     profile = {name: array.copy() for name, array in teacher.profile().items()}
-    other, start = Ship(5), 30.0
-    other.response = ship.response * np.exp(1j * np.random.default_rng(6).uniform(0, 6.28, 400))
-    again = measured(other, times[:480], 1) + (0.03, -0.01, 0.4)
-    errors = {}
-    for name, given in (('cold', None), ('warm', profile), ('foreign', {'grid': np.ones(5)})):
-        found, _ = errors_along(AdaptivePredictor(given), other, times[:480], again, start)
-        errors[name] = np.sqrt(np.mean(np.square(found - (0.03, -0.01, 0.4)), axis=0))
-    gain = errors['warm'] / errors['cold']
-    assert gain.max() < 1 and gain.mean() < 0.85
-    np.testing.assert_array_equal(errors['foreign'], errors['cold'])
+    offset, start = np.array((0.03, -0.01, 0.4)), 70.0
+    squares = {'cold': [], 'warm': [], 'foreign': []}
+    given = {'cold': None, 'warm': profile, 'foreign': {'grid': np.ones(5)}}
+    for seed in (6, 7, 8):
+        other, phase = Ship(5), np.random.default_rng(seed).uniform(0, 6.28, 400)
+        other.response = ship.response * np.exp(1j * phase)
+        again = measured(other, times[:480], 1) + offset
+        for name in given if seed == 6 else ('cold', 'warm'):
+            found, _ = errors_along(AdaptivePredictor(given[name]), other, times[:480], again,
+                                    start)
+            squares[name].append(np.mean(np.square(found - offset), axis=0))
+    cold, warm = (np.sqrt(np.mean(squares[name], axis=0)) for name in ('cold', 'warm'))
+    assert np.all(warm < 0.8 * cold)
+    np.testing.assert_array_equal(squares['foreign'][0], squares['cold'][0])
+
+
+def test_a_profile_without_errors_warms_less_but_does_no_harm(four_hertz):
+    ship, times, values, _ = four_hertz
+    profile = feed(AdaptivePredictor(), times[:1400], values[:1400]).profile()
+    later = slice(1400, 1600)
+    early = {}
+    for name, given in (('cold', None), ('warm', profile), (
+            'older', {key: array for key, array in profile.items() if key != 'errors'})):
+        found, _ = errors_along(AdaptivePredictor(given), ship, times[later], values[later], 362.0)
+        early[name] = np.sqrt(np.mean(np.square(found), axis=0))
+    assert np.all(early['warm'] < 0.75 * early['cold'])
+    assert np.all(early['older'] < early['cold'])
+
+
+def test_weights_of_contradicting_pairs_are_still_weights():
+    cov = np.array([[1.0, -1.5, -1.0], [-1.5, 2.0, 0.0], [-1.0, 0.0, 7.0]])  # no one's covariance
+    combination = Combination(1, 1, 3, half_life=100)
+    combination.recall(cov[None, None], 20.0)
+    weights = combination.weights(np.ones(3, bool), np.zeros(1))[0, 0]
+    assert weights.min() >= 0 and weights.sum() == pytest.approx(1)
 
 
 def bad(kind, times, values):

@@ -141,7 +141,7 @@ def test_uncertainty_grows_with_the_horizon_to_that_of_the_motion(known):
     table = known.forecast(np.array([0.1, 0.5, 1.0, 2.0, 10.0, 300.0]))
     assert (np.diff(table.height_sd[:5]) > 0).all()
     assert table.height_sd[-1] < 3.0
-    assert abs(table.height[-1]) < table.height_sd[-1]
+    assert abs(table.height[-1]) < 0.5
 
 
 def test_pose_covariance_is_what_sampling_gives(known):

@@ -20,6 +20,9 @@ from deck_motion_ros.scenarios import PREDICTION_SCENARIOS
 from deck_motion_ros.simulation.simulator import ShipSimulator
 
 BY_NAME = {case.name: case for case in PREDICTION_SCENARIOS}
+# five minutes to score, then a change of speed; shorter ones favour anybody by chance
+SHORT = replace(BY_NAME['destroyer_ss5_slowing'], dt=0.5, duration=750.0, manoeuvre_at=600.0,
+                speed_to=7.0)
 
 
 def test_the_scenarios_are_frozen():
@@ -67,32 +70,27 @@ def test_noise_is_white_and_as_large_as_the_scenario_says():
 @pytest.fixture(scope='module')
 def short():
     """Score a few minutes at 2 Hz with a change of speed on the way."""
-    return scenario_scores(replace(
-        BY_NAME['destroyer_ss5_slowing'], dt=0.5, duration=460.0, manoeuvre_at=310.0,
-        speed_to=7.0))
+    return scenario_scores(SHORT)
 
 
 def test_nobody_beats_the_floor(short):
     before = short.windows.index('before')
-    for method in METHODS:  # at 10 s a short record may by chance favour zero, at one everybody
-        if method != 'zero':
-            ratio = short.rmse[method][before, :4] / short.floor[before, :4]
-            assert np.exp(np.mean(np.log(ratio))) > 0.97, method
+    for method in METHODS:
+        if method != 'zero':  # at 10 s a short record may by chance favour it
+            assert np.all(short.rmse[method][before, :4] > 0.97 * short.floor[before, :4]), method
 
 
 def test_windows_follow_the_manoeuvre(short):
     assert short.windows == ('before', 'during', 'first 2 min after', '2-5 min after', 'later')
     known = np.isfinite(short.floor)
-    assert known[[0, 2]].all() and not known[[1, 4]].any()  # it ends after 460 s
+    assert known[[0, 2]].all() and not known[[1, 4]].any()  # it ends after 750 s
     assert np.isfinite(short.rmse['adaptive'][:3]).all()
 
 
 def test_scores_are_those_of_the_truth(short):
-    case = replace(BY_NAME['destroyer_ss5_slowing'], dt=0.5, duration=460.0, manoeuvre_at=310.0,
-                   speed_to=7.0)
-    times, truth, measured, _ = simulated(case)
+    times, truth, measured, _ = simulated(SHORT)
     lever = np.array([0.0, 55.0, 1.0])
-    chosen = (times >= 325.0) & (times < 445.0)  # 1.5 * 0.5 / 0.05 s long
+    chosen = (times >= 615.0) & (times < 735.0)  # 1.5 * 0.5 / 0.05 s long
     for column, steps in enumerate((2, 4, 6)):
         there = np.flatnonzero(chosen[:-steps])
         there = there[there + steps < len(times)]
