@@ -27,7 +27,7 @@ class Combination:
 
     """
 
-    POOLED = 0.4  # of the way to the mean over the axes
+    POOLED = 0.6  # of the way to the mean over the axes
     RIDGE = 0.1  # of the best rival's error variance: what the estimates wander by
     NEWCOMER = 1.5  # times the best rival's error variance
 
