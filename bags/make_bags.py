@@ -32,13 +32,13 @@ START = 1_793_491_200 * NANOSECONDS  # 2026-11-01 00:00 UTC
 
 # name: the node, what is simulated and the seconds in which nothing was received
 BAGS = {
-    'carrier_202611B': (
+    'carrier_202611C': (
         'predictor', SimulatorConfig(
             seed=2612, rate=4.0, duration=150.0, hull='cvn65', dropout=(0.01, 0.02)), (0.0, 0.0)),
     'destroyer_202611B': (
         'predictor', SimulatorConfig(seed=202611, rate=10.0, duration=120.0, dropout=(0.02, 0.03)),
         (70.0, 82.0)),
-    'patrol_202611C': (
+    'patrol_202611D': (
         'predictor', SimulatorConfig(
             seed=2611, rate=5.0, duration=120.0, hull='patrol', turn_to_deg=180.0,
             significant_wave_height=1.88, peak_period=8.8, turn_time=80.0, turn_rate_deg=3.0,

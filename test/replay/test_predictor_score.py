@@ -35,7 +35,7 @@ def score_in(bag):
 
 
 @pytest.mark.parametrize(('name', 'horizon'), [('destroyer_202611B', 3.0),
-                                               ('patrol_202611C', 2.7)])
+                                               ('patrol_202611D', 2.7)])
 def test_score_in_a_replay_is_that_of_the_metrics(name, horizon, tmp_path):
     """The same horizons judged from the bag's messages, against measurements too."""
     params = read_params_file(BAGS / f'{name}.yaml', 'predictor') | {'horizon': horizon}
