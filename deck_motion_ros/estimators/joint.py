@@ -28,7 +28,7 @@ HERMITE = np.array([[[1, 0, -3, 2], [0, 0, 3, -2], [0, 1, -2, 1], [0, 0, -1, 1]]
 POWERS = np.arange(4)[:, None]
 HERMITE[0, 2:] *= SPACING
 HERMITE[1, :2] /= SPACING
-KINDS = np.array([[0], [1]])  # value, slope
+KINDS = np.array([[0], [1]])  # value, slope; this, next
 SETTLE = 3.0  # s in which a forecast beyond the knots nears the mean
 SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12  # of a cubic in its middle, by five points
 
@@ -92,7 +92,7 @@ class JointOutlook:
         """Predict the same and its rate for some times: shape (2, n, m)."""
         k, u = _place(ahead, KNOTS)
         weights = HERMITE @ u**POWERS
-        around = self.motion_at[:, k + np.array([[0], [1]])].reshape(4, len(ahead), -1)
+        around = self.motion_at[:, k + KINDS].reshape(4, len(ahead), -1)
         found = np.asarray(np.einsum('akn,knm->anm', weights, around))
         if (late := _late(ahead, KNOTS[-1])) is not None:  # as a critically damped spring
             away, push = found[0] - self.mean_at, found[0] - self.mean_at + SETTLE * found[1]
@@ -262,8 +262,8 @@ class JointModel:
         if known:
             self._combination.recall(errors[:, place], self.BASIS)
         for k, rival in enumerate(self._rivals):
-            if self._worth[k] > rival.memory:  # who trusts the fit starts afresh: it may be
-                continue  # another sea
+            if self._worth[k] > rival.memory:
+                continue  # it leans on the fit, which starts afresh: this may be another sea
             learned = profile.get(f'rival{k}', np.zeros((1, 0)))
             if learned.shape[1] == len(stored) * (rival.order + 1):
                 rows = (np.arange(rival.order + 1)[:, None] * len(stored) + place).ravel()
@@ -466,8 +466,8 @@ class JointModel:
 
     def _renew_spread(self) -> None:
         """Renew promised sds, and what the outlook says of covariances, once a slot."""
-        weights = self._weights[..., None]
-        var = (self._combination.covariance @ weights * weights).sum(axis=(2, 3))
+        weights, among = self._weights[..., None], self._combination.covariance
+        var = (among @ weights * weights).sum(axis=(2, 3))
         sd = np.sqrt(np.maximum(var, 0.0) + self._noise_var + self.LEAST)
         tested = self._tested
         self._sd = np.where(tested[:, None] < self.BASIS, np.inf, sd)
@@ -480,7 +480,7 @@ class JointModel:
         self._cov = widen * cov * root[..., :, None] * root[..., None, :]
         kept = min(float(self._number.min()) - self.BELIEF, float(tested.min()))
         self._trust = min(max(kept * self.grid.step / self.TRIAL, 0.0), 1.0)
-        motion = np.einsum('ajj->aj', self._combination.covariance[-1])[:, -2]
+        motion = among[-1, :, -2, -2]  # the errors of "the mean"
         self._rise = np.sqrt(np.maximum(motion / self._cov[0, -1].diagonal(), 1.0))
 
     @property

@@ -291,7 +291,7 @@ class SeakeepingFit:
             (by_gain @ past[0]).reshape(many) @ by_gain.reshape(many).T
             + by_missed.reshape(many) @ by_missed.transpose(0, 2, 1).reshape(many).T / 2)
         info += np.diag(BELIEF[:, 1]**-2.0 + 1e-6)
-        slope -= np.diag(info) * DELTA / 2
+        slope -= np.diag(info) * DELTA / 2  # a difference is the slope half a step on
         info += self._damping[who] * np.diag(np.diag(info))
         # rounded: computers that round differently go the same way
         there = np.round(here + np.clip(-np.linalg.solve(info, slope), -REACH, REACH), 5)

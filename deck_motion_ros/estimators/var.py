@@ -182,12 +182,12 @@ class ForgettingVar:
         learned = self.learned(mean)
         if expected is not None:
             learned += expected
-        n, weight, before = m * (k + 1), learned[-1, 0], self.recalled
+        n, weight = m * (k + 1), learned[-1, 0]
         cov = learned[:n, :n]
         sd = np.sqrt(np.maximum(np.diag(cov)[:m] / weight, np.square(noise_sd) + 1e-30))
-        if before * unsure:
+        if self.recalled * unsure:
             blocks = cov.reshape(k + 1, m, k + 1, m)
-            np.einsum('iaja->ija', blocks)[:] += before * unsure * np.square(sd)
+            np.einsum('iaja->ija', blocks)[:] += self.recalled * unsure * np.square(sd)
         normal, right = cov[m:, m:], cov[:m, m:].T
         np.einsum('ii->i', normal)[:] += self._ridge[:m * k] * np.tile(np.square(sd), k)
         if not self._cross:
