@@ -178,9 +178,10 @@ def launched(steps, shake=None):
     return transfer
 
 
-@pytest.mark.parametrize('direction', [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0),
-                                       (-1.0, 1.0, 0.5)])
-def test_a_disturbance_is_forgotten_along_its_direction_alone(direction):
+@pytest.mark.parametrize('direction, most', [
+    ((1.0, 0.0, 0.0), 1.02), ((0.0, 0.0, 1.0), 1.02), ((1.0, 0.0, 1.0), 1.3),
+    ((-1.0, 1.0, 0.5), 1.3)])
+def test_a_disturbance_is_forgotten_along_its_direction_alone(direction, most):
     """The plane across the shaking keeps what it knew."""
     shaken = launched(40, lambda k: 20.0 * np.array(direction) * np.exp(-k * DT / 0.1))
     quiet = launched(40)
@@ -190,7 +191,7 @@ def test_a_disturbance_is_forgotten_along_its_direction_alone(direction):
         for vec in vectors)
     assert along[0] > 1.5 * along[1]
     for sd in across:
-        assert sd[0] < 1.3 * sd[1]
+        assert sd[1] / most < sd[0] < most * sd[1]
     assert abs(shaken.mat[0, 2]) < 3 * np.sqrt(shaken.cov[1, 1])
 
 
