@@ -120,3 +120,7 @@ class PlayerNode(Node):
 def main():
     """Run the player."""
     run(PlayerNode)
+
+
+if __name__ == '__main__':
+    main()

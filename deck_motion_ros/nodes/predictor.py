@@ -19,3 +19,7 @@ def main() -> None:
     """Run the node."""
     run(PredictorNode)
 
+
+
+if __name__ == '__main__':
+    main()

@@ -136,3 +136,7 @@ class RecorderNode(Node):
 def main():
     """Run the recorder."""
     run(RecorderNode)
+
+
+if __name__ == '__main__':
+    main()

@@ -77,3 +77,12 @@ def test_a_failing_callback_is_not_hidden(domain_id):
                           env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, timeout=60)
     assert done.returncode == 1 and 'Traceback' in done.stderr
     assert done.stdout == 'destroyed\n'
+
+
+@pytest.mark.parametrize('node', ['alignment', 'altitude', 'guidance', 'landing', 'player',
+                                  'predictor', 'recorder', 'simulator'])
+def test_every_node_runs_as_a_module(domain_id, node):
+    done = subprocess.run([sys.executable, '-m', f'deck_motion_ros.nodes.{node}', '--help'],
+                          capture_output=True, text=True, timeout=60,
+                          env={**os.environ, 'ROS_DOMAIN_ID': str(domain_id)})
+    assert done.returncode == 0 and 'a node takes' in done.stdout + done.stderr
